@@ -1,0 +1,20 @@
+# Installs libraries, headers, the tool and what it reads at run time.
+include(GNUInstallDirs)
+
+if(USCT_CORE_ONLY)
+  set(USCT_LIB_DIR ${CMAKE_INSTALL_LIBDIR})
+  set(USCT_BIN_DIR ${CMAKE_INSTALL_BINDIR})
+  set(USCT_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/us_ct_registration)
+  set(USCT_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/us_ct_registration)
+else()
+  set(USCT_LIB_DIR ${CATKIN_PACKAGE_LIB_DESTINATION})
+  set(USCT_BIN_DIR ${CATKIN_GLOBAL_BIN_DESTINATION})
+  set(USCT_INCLUDE_DIR ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
+  set(USCT_SHARE_DIR ${CATKIN_PACKAGE_SHARE_DESTINATION})
+endif()
+
+install(TARGETS us_ct_registration_core EXPORT us_ct_registration_targets
+  ARCHIVE DESTINATION ${USCT_LIB_DIR} LIBRARY DESTINATION ${USCT_LIB_DIR})
+install(TARGETS usct RUNTIME DESTINATION ${USCT_BIN_DIR})
+install(DIRECTORY include/us_ct_registration/ DESTINATION ${USCT_INCLUDE_DIR})
+install(DIRECTORY config DESTINATION ${USCT_SHARE_DIR})

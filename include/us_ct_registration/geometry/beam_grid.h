@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "us_ct_registration/geometry/scan_geometry.h"
+#include "us_ct_registration/volume/grid.h"
+
+namespace usct {
+
+/// One line of sight in the US frame; the sample at depth d lies at `origin_mm + d * direction`.
+struct Beam {
+  Eigen::Vector3d origin_mm;
+  Eigen::Vector3d direction;  // unit length
+};
+
+/// The one description of ultrasound that simulation and registration see, whatever the probe:
+/// straight beams with evenly spaced samples.
+struct BeamGrid {
+  AxialSampling axial;
+  int lines = 0;
+  int frames = 0;
+  std::vector<Beam> beams;  // beams[frame * lines + line]
+
+  int samples() const { return axial.samples; }
+  const Beam& beam(int frame, int line) const {
+    return beams[static_cast<std::size_t>(frame) * static_cast<std::size_t>(lines) +
+                 static_cast<std::size_t>(line)];
+  }
+  /// Position of a sample in the US frame, mm.
+  Eigen::Vector3d point(int frame, int line, double sample) const {
+    const Beam& b = beam(frame, line);
+    return b.origin_mm + axial.depth_mm(sample) * b.direction;
+  }
+};
+
+/// Variant B of the thesis: the true beams of a pre-scan acquisition. Throws InputError if the
+/// geometry is invalid.
+BeamGrid beam_grid(const ScanGeometry& geometry);
+
+/// An index axis of a Cartesian volume and the sense in which sound travels along it.
+struct BeamAxis {
+  int axis = 1;          // 0, 1 or 2
+  bool positive = true;  // towards rising indices
+};
+
+/// Reads "+x", "-y", ... (index axes). Throws InputError, naming `source`, for anything else.
+BeamAxis parse_beam_axis(const std::string& text, const std::string& source);
+
+/// Variant A of the thesis: parallel beams along an index axis of a Cartesian volume. Samples,
+/// lines and frames are the voxels of the beam axis and of the other two, in their order; the
+/// depth of the first sample is 0 and each beam starts at the centre of its first voxel.
+BeamGrid parallel_beam_grid(const Grid& grid, BeamAxis axis);
+
+}  // namespace usct

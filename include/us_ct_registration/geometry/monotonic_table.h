@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace usct {
+
+/// A strictly monotonic table of positions (angles of lines or frames, positions of elements),
+/// read at continuous indices: linear between entries, continued with the slope of the outermost
+/// pair beyond them. `index_of` is the exact inverse of `at`.
+class MonotonicTable {
+ public:
+  /// Throws InputError, naming `source` and `field`, if the table has fewer than two entries, an
+  /// entry is not finite, or it is not strictly rising or strictly falling.
+  MonotonicTable(std::vector<double> values, const std::string& source, const std::string& field);
+
+  double at(double index) const;
+  double index_of(double value) const;
+
+ private:
+  std::vector<double> values_;
+  bool rising_;
+};
+
+/// `MonotonicTable::at` for a table that is known to be valid (two entries or more).
+double interpolate_table(const std::vector<double>& values, double index);
+
+/// `count` values spaced by `pitch` and centred on zero: (i - (count - 1) / 2) * pitch.
+std::vector<double> centred_table(int count, double pitch);
+
+}  // namespace usct

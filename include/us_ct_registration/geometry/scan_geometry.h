@@ -1,0 +1,148 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "us_ct_registration/geometry/monotonic_table.h"
+
+/// Where the samples of a pre-scan ultrasound acquisition lie (DESIGN: "words, frames, units").
+///
+/// Coordinates, all in millimetres:
+/// - *frame coordinates* of one 2D frame: origin at the centre of curvature of the array (or at the
+///   array if it is linear), x lateral, y axial (away from the probe), z elevation;
+/// - the *US frame*: for a motorised probe the frame coordinates at zero motor angle; for a tracked
+///   probe whatever its poses map to.
+namespace usct {
+
+/// The samples along every line: sample i lies at depth `start_depth_mm + i * spacing_mm`, measured
+/// along the line from the surface of the array.
+struct AxialSampling {
+  int samples = 0;
+  double start_depth_mm = 0.0;
+  double spacing_mm = 0.0;
+
+  double depth_mm(double sample) const { return start_depth_mm + sample * spacing_mm; }
+};
+
+/// A convex array: lines fan out from the centre of curvature. An angle is measured from the axial
+/// direction, positive towards +x (lateral).
+struct CurvilinearArray {
+  double probe_radius_mm = 0.0;
+  std::vector<double> line_angles_rad;
+};
+
+/// A flat array: lines are parallel to the axial direction, at these lateral positions.
+struct LinearArray {
+  std::vector<double> line_positions_mm;
+};
+
+using Array = std::variant<CurvilinearArray, LinearArray>;
+
+/// A motor swings a curvilinear array about an axis parallel to x. The array's surface is at
+/// `motor_radius_mm` from that axis (thesis figure 4.6), so the axis passes through
+/// (0, D, 0) with D = probe_radius - motor_radius.
+struct MotorSweep {
+  double motor_radius_mm = 0.0;
+  /// Motor angle phi per frame, at the middle of the frame; never assumed uniform. Positive turns
+  /// the axial direction towards +z (elevation).
+  std::vector<double> frame_angles_rad;
+  /// Motor travel while one frame is acquired, first line to last (0: the motor stops for each
+  /// frame). Negative when the motor runs towards smaller angles, as in every other sweep.
+  double frame_travel_rad = 0.0;
+};
+
+/// Each frame has a pose of its own (tracked freehand, or held by a robot).
+struct TrackedSweep {
+  /// Maps frame coordinates to the US frame.
+  std::vector<Eigen::Isometry3d> T_us_frame;
+  /// Acquisition time per frame in seconds; empty if unknown, else one per frame.
+  std::vector<double> frame_times_s;
+};
+
+/// A continuous position in a pre-scan volume; whole numbers are the recorded samples.
+struct ScanIndex {
+  double sample = 0.0;
+  double line = 0.0;
+  double frame = 0.0;
+};
+
+/// The geometry of a pre-scan volume of samples x lines x frames.
+struct ScanGeometry {
+  AxialSampling axial;
+  Array array;
+  std::variant<MotorSweep, TrackedSweep> motion;
+
+  int samples() const { return axial.samples; }
+  int lines() const;
+  int frames() const;
+  bool is_motorised() const { return std::holds_alternative<MotorSweep>(motion); }
+
+  /// Throws InputError, naming `source`, the field, its value and the constraint, unless: samples,
+  /// lines >= 2, frames >= 1 (>= 2 if motorised); spacing and radii finite and > 0; start depth
+  /// finite and >= 0; tables finite and strictly monotonic, line angles within +-90 degrees; poses
+  /// rigid; times one per frame, finite and not falling; a motorised array curvilinear.
+  void validate(const std::string& source) const;
+};
+
+/// Where a line of an array starts and runs, in frame coordinates.
+struct Line {
+  Eigen::Vector3d origin_mm;
+  Eigen::Vector3d direction;
+};
+
+/// The line at a continuous index, from the surface of the array; in the plane z = 0.
+Line line_in_frame(const Array& array, double line);
+
+/// Motor angle in radians at a continuous frame and line (with the travel within a frame).
+double motor_angle_rad(const MotorSweep& sweep, int lines, double frame, double line);
+
+/// Pose of the frame's plane for a motor angle: a rotation about the motor axis.
+Eigen::Isometry3d T_us_frame_at_motor_angle(double probe_radius_mm, double motor_radius_mm,
+                                            double motor_angle_rad);
+
+/// Pose of the frame at the moment when `line` was acquired: the motor's or the tracker's.
+Eigen::Isometry3d T_us_frame_of(const ScanGeometry& geometry, int frame, double line);
+
+/// Position in the US frame. For a motorised probe these are thesis eqs 4.11-4.14; a tracked sweep
+/// has positions at whole frames only (InputError otherwise).
+Eigen::Vector3d us_from_scan(const ScanGeometry& geometry, const ScanIndex& index);
+
+/// The inverse of eqs 4.11-4.14 for one motorised geometry; keeps the tables that it inverts.
+///
+/// Valid for points in front of the motor axis plane (where the sweep is). The result may lie
+/// outside the recorded samples; `us_from_scan` of it returns the point.
+class MotorisedInverse {
+ public:
+  /// Throws InputError if the geometry is not a valid motorised one.
+  explicit MotorisedInverse(const ScanGeometry& geometry);
+
+  ScanIndex scan_from_us(const Eigen::Vector3d& p_us_mm) const;
+
+ private:
+  AxialSampling axial_;
+  double probe_radius_mm_;
+  double axis_offset_mm_;  // D
+  double frame_travel_rad_;
+  int lines_;
+  MonotonicTable line_angles_;
+  MonotonicTable frame_angles_;
+};
+
+/// The inverse of `line_in_frame` for one array: sample and line of a point in the plane of a frame
+/// (the point's z is ignored, `frame` is left at 0).
+class ArrayInverse {
+ public:
+  ArrayInverse(const Array& array, const AxialSampling& axial);
+
+  ScanIndex scan_from_frame(const Eigen::Vector3d& p_frame_mm) const;
+
+ private:
+  AxialSampling axial_;
+  bool curvilinear_;
+  double probe_radius_mm_;
+  MonotonicTable lines_;
+};
+
+}  // namespace usct

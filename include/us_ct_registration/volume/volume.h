@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "us_ct_registration/volume/grid.h"
+
+namespace usct {
+
+/// Voxels on a grid; `voxels[grid.offset(i, j, k)]`, i fastest.
+///
+/// The operations in volume/ are compiled for uint8_t, int16_t, uint16_t and float.
+template <typename T>
+struct Volume {
+  Grid grid;
+  std::vector<T> voxels;
+
+  Volume() = default;
+  explicit Volume(const Grid& grid_in, T fill = T{})
+      : grid(grid_in), voxels(grid_in.voxel_count(), fill) {}
+
+  T& at(int i, int j, int k) { return voxels[grid.offset(i, j, k)]; }
+  const T& at(int i, int j, int k) const { return voxels[grid.offset(i, j, k)]; }
+};
+
+/// Computed tomography: Hounsfield units, LPS millimetres.
+using CtVolume = Volume<std::int16_t>;
+/// Scan-converted ultrasound: 8-bit brightness, US frame in millimetres.
+using UsVolume = Volume<std::uint8_t>;
+/// 0 where nothing is known, 255 where something is.
+using MaskVolume = Volume<std::uint8_t>;
+/// One label per voxel, 0 for background.
+using LabelVolume = Volume<std::uint16_t>;
+
+}  // namespace usct

@@ -1,0 +1,200 @@
+#include "us_ct_registration/geometry/scan_geometry.h"
+
+#include <cmath>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRigidTolerance = 1e-4;
+
+void require_positive(double value, const std::string& source, const std::string& field) {
+  if (!std::isfinite(value) || value <= 0.0)
+    throw InputError(source,
+                     "'" + field + "' is " + std::to_string(value) + ", must be finite and > 0");
+}
+
+void validate_axial(const AxialSampling& axial, const std::string& source) {
+  if (axial.samples < 2)
+    throw InputError(source,
+                     "has " + std::to_string(axial.samples) + " samples per line, must be >= 2");
+  require_positive(axial.spacing_mm, source, "sample_spacing_mm");
+  if (!std::isfinite(axial.start_depth_mm) || axial.start_depth_mm < 0.0)
+    throw InputError(source, "'start_depth_mm' is " + std::to_string(axial.start_depth_mm) +
+                                 ", must be finite and >= 0");
+}
+
+void validate_array(const Array& array, const std::string& source) {
+  if (const auto* linear = std::get_if<LinearArray>(&array)) {
+    MonotonicTable(linear->line_positions_mm, source, "line_positions_mm");
+    return;
+  }
+  const auto& curved = std::get<CurvilinearArray>(array);
+  require_positive(curved.probe_radius_mm, source, "probe_radius_mm");
+  MonotonicTable(curved.line_angles_rad, source, "line_angles");
+  for (const double angle : curved.line_angles_rad)
+    if (std::abs(angle) >= 0.5 * kPi)
+      throw InputError(source, "'line_angles' holds " + std::to_string(angle * 180.0 / kPi) +
+                                   " degrees, must be within +-90");
+}
+
+void validate_motor(const MotorSweep& sweep, const Array& array, const std::string& source) {
+  if (!std::holds_alternative<CurvilinearArray>(array))
+    throw InputError(source, "a motorised probe has a linear array, must be curvilinear");
+  require_positive(sweep.motor_radius_mm, source, "motor_radius_mm");
+  MonotonicTable(sweep.frame_angles_rad, source, "frame_angles");
+  for (const double angle : sweep.frame_angles_rad)
+    if (std::abs(angle) >= 0.5 * kPi)
+      throw InputError(source, "'frame_angles' holds " + std::to_string(angle * 180.0 / kPi) +
+                                   " degrees, must be within +-90");
+  if (!std::isfinite(sweep.frame_travel_rad))
+    throw InputError(source, "'frame_travel' is not finite");
+}
+
+void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
+  if (sweep.T_us_frame.empty()) throw InputError(source, "has no frames, must have at least 1");
+  for (std::size_t i = 0; i < sweep.T_us_frame.size(); ++i) {
+    const Eigen::Isometry3d& T = sweep.T_us_frame[i];
+    const Eigen::Matrix3d gram = T.linear().transpose() * T.linear();
+    if (!T.matrix().allFinite() ||
+        (gram - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kRigidTolerance ||
+        T.linear().determinant() < 0.0)
+      throw InputError(source, "'frame_poses_mm' of frame " + std::to_string(i) +
+                                   " is not a rotation and a finite translation");
+  }
+  const std::vector<double>& times = sweep.frame_times_s;
+  if (times.empty()) return;
+  if (times.size() != sweep.T_us_frame.size())
+    throw InputError(source, "'frame_times_s' has " + std::to_string(times.size()) +
+                                 " entries for " + std::to_string(sweep.T_us_frame.size()) +
+                                 " frames, must have one per frame");
+  for (std::size_t i = 0; i < times.size(); ++i)
+    if (!std::isfinite(times[i]) || (i > 0 && times[i] < times[i - 1]))
+      throw InputError(source, "'frame_times_s' entry " + std::to_string(i) + " is " +
+                                   std::to_string(times[i]) + ", must be finite and not falling");
+}
+
+const std::vector<double>& line_table(const Array& array) {
+  if (const auto* linear = std::get_if<LinearArray>(&array)) return linear->line_positions_mm;
+  return std::get<CurvilinearArray>(array).line_angles_rad;
+}
+
+/// Travel of the motor at a line, relative to the middle of its frame.
+double travel_at_line(double frame_travel_rad, int lines, double line) {
+  return frame_travel_rad * ((line + 0.5) / lines - 0.5);
+}
+
+const CurvilinearArray& require_curvilinear(const ScanGeometry& geometry) {
+  geometry.validate("geometry");
+  if (!geometry.is_motorised()) throw InputError("geometry", "is not motorised");
+  return std::get<CurvilinearArray>(geometry.array);
+}
+
+}  // namespace
+
+int ScanGeometry::lines() const { return static_cast<int>(line_table(array).size()); }
+
+int ScanGeometry::frames() const {
+  if (const auto* sweep = std::get_if<MotorSweep>(&motion))
+    return static_cast<int>(sweep->frame_angles_rad.size());
+  return static_cast<int>(std::get<TrackedSweep>(motion).T_us_frame.size());
+}
+
+void ScanGeometry::validate(const std::string& source) const {
+  validate_axial(axial, source);
+  validate_array(array, source);
+  if (const auto* sweep = std::get_if<MotorSweep>(&motion))
+    validate_motor(*sweep, array, source);
+  else
+    validate_tracked(std::get<TrackedSweep>(motion), source);
+}
+
+Line line_in_frame(const Array& array, double line) {
+  const double position = interpolate_table(line_table(array), line);
+  if (std::holds_alternative<LinearArray>(array))
+    return {Eigen::Vector3d(position, 0.0, 0.0), Eigen::Vector3d::UnitY()};
+  const Eigen::Vector3d direction(std::sin(position), std::cos(position), 0.0);
+  return {std::get<CurvilinearArray>(array).probe_radius_mm * direction, direction};
+}
+
+double motor_angle_rad(const MotorSweep& sweep, int lines, double frame, double line) {
+  return interpolate_table(sweep.frame_angles_rad, frame) +
+         travel_at_line(sweep.frame_travel_rad, lines, line);
+}
+
+Eigen::Isometry3d T_us_frame_at_motor_angle(double probe_radius_mm, double motor_radius_mm,
+                                            double motor_angle_rad) {
+  // Eqs 4.13 and 4.14, y = (H - D) cos phi + D and z = (H - D) sin phi, are a rotation about the
+  // axis through (0, D, 0) parallel to x.
+  const Eigen::Translation3d axis(0.0, probe_radius_mm - motor_radius_mm, 0.0);
+  return axis * Eigen::AngleAxisd(motor_angle_rad, Eigen::Vector3d::UnitX()) * axis.inverse();
+}
+
+Eigen::Isometry3d T_us_frame_of(const ScanGeometry& geometry, int frame, double line) {
+  if (const auto* sweep = std::get_if<MotorSweep>(&geometry.motion))
+    return T_us_frame_at_motor_angle(std::get<CurvilinearArray>(geometry.array).probe_radius_mm,
+                                     sweep->motor_radius_mm,
+                                     motor_angle_rad(*sweep, geometry.lines(), frame, line));
+  return std::get<TrackedSweep>(geometry.motion).T_us_frame[static_cast<std::size_t>(frame)];
+}
+
+Eigen::Vector3d us_from_scan(const ScanGeometry& geometry, const ScanIndex& index) {
+  const Line line = line_in_frame(geometry.array, index.line);
+  const Eigen::Vector3d p_frame =
+      line.origin_mm + geometry.axial.depth_mm(index.sample) * line.direction;
+  if (const auto* sweep = std::get_if<MotorSweep>(&geometry.motion)) {
+    const double phi = motor_angle_rad(*sweep, geometry.lines(), index.frame, index.line);
+    const double radius = std::get<CurvilinearArray>(geometry.array).probe_radius_mm;
+    return T_us_frame_at_motor_angle(radius, sweep->motor_radius_mm, phi) * p_frame;
+  }
+  const auto& poses = std::get<TrackedSweep>(geometry.motion).T_us_frame;
+  const auto frame = static_cast<std::size_t>(index.frame);
+  if (!(index.frame >= 0.0) || static_cast<double>(frame) != index.frame || frame >= poses.size())
+    throw InputError("tracked sweep", "frame index is " + std::to_string(index.frame) +
+                                          ", must be a whole number below " +
+                                          std::to_string(poses.size()));
+  return poses[frame] * p_frame;
+}
+
+MotorisedInverse::MotorisedInverse(const ScanGeometry& geometry)
+    : axial_(geometry.axial),
+      probe_radius_mm_(require_curvilinear(geometry).probe_radius_mm),
+      axis_offset_mm_(probe_radius_mm_ - std::get<MotorSweep>(geometry.motion).motor_radius_mm),
+      frame_travel_rad_(std::get<MotorSweep>(geometry.motion).frame_travel_rad),
+      lines_(geometry.lines()),
+      line_angles_(line_table(geometry.array), "geometry", "line_angles"),
+      frame_angles_(std::get<MotorSweep>(geometry.motion).frame_angles_rad, "geometry",
+                    "frame_angles") {}
+
+ScanIndex MotorisedInverse::scan_from_us(const Eigen::Vector3d& p_us_mm) const {
+  const double y_from_axis = p_us_mm.y() - axis_offset_mm_;
+  const double phi = std::atan2(p_us_mm.z(), y_from_axis);
+  const double H = axis_offset_mm_ + std::hypot(y_from_axis, p_us_mm.z());
+  const double theta = std::atan2(p_us_mm.x(), H);
+  const double h = std::hypot(p_us_mm.x(), H);
+  ScanIndex index;
+  index.sample = (h - probe_radius_mm_ - axial_.start_depth_mm) / axial_.spacing_mm;
+  index.line = line_angles_.index_of(theta);
+  index.frame = frame_angles_.index_of(phi - travel_at_line(frame_travel_rad_, lines_, index.line));
+  return index;
+}
+
+ArrayInverse::ArrayInverse(const Array& array, const AxialSampling& axial)
+    : axial_(axial),
+      curvilinear_(std::holds_alternative<CurvilinearArray>(array)),
+      probe_radius_mm_(curvilinear_ ? std::get<CurvilinearArray>(array).probe_radius_mm : 0.0),
+      lines_(line_table(array), "array", curvilinear_ ? "line_angles" : "line_positions_mm") {}
+
+ScanIndex ArrayInverse::scan_from_frame(const Eigen::Vector3d& p_frame_mm) const {
+  const double x = p_frame_mm.x();
+  const double y = p_frame_mm.y();
+  ScanIndex index;
+  index.line = lines_.index_of(curvilinear_ ? std::atan2(x, y) : x);
+  const double depth = curvilinear_ ? std::hypot(x, y) - probe_radius_mm_ : y;
+  index.sample = (depth - axial_.start_depth_mm) / axial_.spacing_mm;
+  return index;
+}
+
+}  // namespace usct

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <omp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+
+#include "us_ct_registration/progress.h"
+
+namespace usct {
+
+/// Runs `body(i)` for i in [0, count), on the threads of OpenMP. The order is not fixed, so bodies
+/// must write to places of their own; then the result does not depend on the number of threads.
+/// The first exception of a body (or of `progress`) ends the loop early and is thrown here.
+template <typename Body>
+void parallel_for(int count, const Body& body, const Progress& progress = {}) {
+  std::exception_ptr failure;
+  std::atomic<bool> failed{false};
+  std::atomic<int> done{0};
+  double reported = 0.0;
+#pragma omp parallel for schedule(dynamic, 1)
+  for (int i = 0; i < count; ++i) {
+    if (failed.load(std::memory_order_relaxed)) continue;
+    try {
+      body(i);
+      const int finished = ++done;
+      if (progress) {
+#pragma omp critical(usct_parallel_for_progress)
+        {
+          // Another thread may have reported a later state meanwhile: progress never runs back.
+          const double fraction = static_cast<double>(finished) / count;
+          if (!failed && fraction > reported) {
+            reported = fraction;
+            progress(fraction);
+          }
+        }
+      }
+    } catch (...) {
+#pragma omp critical(usct_parallel_for_failure)
+      if (!failed.exchange(true)) failure = std::current_exception();
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace usct

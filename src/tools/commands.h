@@ -1,0 +1,13 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+/// The subcommands of `usct`, one file each. Every function adds its subcommand and options to
+/// `app`; when the subcommand is chosen, it sets `run` to the work to do, whose result is the exit
+/// status (see exit_status.h).
+namespace usct::tools {
+
+using Run = std::function<int()>;
+
+}  // namespace usct::tools

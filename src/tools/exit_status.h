@@ -1,0 +1,14 @@
+#pragma once
+
+namespace usct::tools {
+
+/// Exit statuses of `usct`; part of its stable interface.
+constexpr int kDone = 0;
+/// An unforeseen failure: a defect, or a machine out of memory or disk space.
+constexpr int kFailed = 1;
+/// Bad arguments or bad input.
+constexpr int kBadInput = 2;
+/// Registration refused: low confidence, no overlap.
+constexpr int kRefused = 3;
+
+}  // namespace usct::tools
