@@ -27,7 +27,7 @@ function(usct_add_gtest name)
     add_test(NAME ${name} COMMAND ${name}
       --gtest_output=xml:${PROJECT_BINARY_DIR}/test_results/${name}.xml)
   else()
-    catkin_add_gtest(${name} ${ARGN} TIMEOUT 1200)
+    catkin_add_gtest(${name} ${ARGN})
     target_link_libraries(${name} ${GTEST_MAIN_LIBRARIES} ${GTEST_LIBRARIES})
   endif()
   target_include_directories(${name} PRIVATE
