@@ -4,7 +4,7 @@
 
 #include "io/bytes.h"
 #include "io/prescan_nrrd_format.h"
-#include "io/text.h"
+#include "io/sibling_file.h"
 #include "io/utc_time.h"
 #include "us_ct_registration/error.h"
 
@@ -13,15 +13,6 @@ namespace {
 
 /// Our writer puts the key at the front, other programs sort them after tables of any length.
 constexpr std::size_t kPeekedBytes = std::size_t{1} << 20;
-
-/// A name with a folder could make a foreign header read any file of this machine.
-std::filesystem::path beside(const std::filesystem::path& header, const std::string& name) {
-  const std::filesystem::path file(name);
-  if (name.empty() || file != file.filename())
-    throw InputError(header.string(), "'data file' is " + io::in_quotes(name) +
-                                          ", must name a file in the same folder");
-  return header.parent_path() / file;
-}
 
 }  // namespace
 
@@ -38,7 +29,7 @@ bool is_prescan_nrrd(const std::filesystem::path& path) {
 
 PreScanVolume read_prescan_nrrd(const std::filesystem::path& path) {
   return io::parse_prescan_nrrd(io::read_bytes(path), path.string(), [&](const std::string& name) {
-    return io::read_bytes(beside(path, name));
+    return io::read_bytes(io::sibling_file(path, name, "data file"));
   });
 }
 
