@@ -20,6 +20,7 @@ class MonotonicTable {
  private:
   std::vector<double> values_;
   bool rising_;
+  double mean_slope_inverse_;  // entries per unit of value
 };
 
 /// `MonotonicTable::at` for a table that is known to be valid (two entries or more).

@@ -40,6 +40,9 @@ struct LinearArray {
 
 using Array = std::variant<CurvilinearArray, LinearArray>;
 
+/// The angles in radians, or positions in mm, of the lines.
+const std::vector<double>& line_table(const Array& array);
+
 /// A motor swings a curvilinear array about an axis parallel to x. The array's surface is at
 /// `motor_radius_mm` from that axis (thesis figure 4.6), so the axis passes through
 /// (0, D, 0) with D = probe_radius - motor_radius.
@@ -81,8 +84,10 @@ struct ScanGeometry {
 
   /// Throws InputError, naming `source`, the field, its value and the constraint, unless: samples,
   /// lines >= 2, frames >= 1 (>= 2 if motorised); spacing and radii finite and > 0; start depth
-  /// finite and >= 0; tables finite and strictly monotonic, line angles within +-90 degrees; poses
-  /// rigid; times one per frame, finite and not falling; a motorised array curvilinear.
+  /// finite and >= 0; tables finite and strictly monotonic, line angles, and frame angles with
+  /// half the travel of a frame, within +-90 degrees; poses rigid; times one per frame, finite and
+  /// not falling; a motorised array curvilinear, and all its lines starting in front of the motor
+  /// axis (no point lies on two frames).
   void validate(const std::string& source) const;
 };
 
@@ -111,14 +116,24 @@ Eigen::Vector3d us_from_scan(const ScanGeometry& geometry, const ScanIndex& inde
 
 /// The inverse of eqs 4.11-4.14 for one motorised geometry; keeps the tables that it inverts.
 ///
-/// Valid for points in front of the motor axis plane (where the sweep is). The result may lie
-/// outside the recorded samples; `us_from_scan` of it returns the point.
+/// `us_from_scan` of the result returns the point, wherever it is; the result may lie outside the
+/// recorded samples. The other way round, indices are returned from their points in front of the
+/// motor axis (H > D), where everything that a valid geometry records lies.
 class MotorisedInverse {
  public:
   /// Throws InputError if the geometry is not a valid motorised one.
   explicit MotorisedInverse(const ScanGeometry& geometry);
 
   ScanIndex scan_from_us(const Eigen::Vector3d& p_us_mm) const;
+
+  /// What eqs 4.13 and 4.14 alone say of a point: it does not depend on x, so that rows of voxels
+  /// along x share it.
+  struct Swing {
+    double phi_rad = 0.0;  // motor angle when the frame's plane meets the point
+    double H_mm = 0.0;     // the point's axial coordinate in that frame
+  };
+  Swing swing_from_us(double y_us_mm, double z_us_mm) const;
+  ScanIndex scan_from_swing(const Swing& swing, double x_us_mm) const;
 
  private:
   AxialSampling axial_;

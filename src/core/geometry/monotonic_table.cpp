@@ -6,6 +6,16 @@
 #include "us_ct_registration/error.h"
 
 namespace usct {
+namespace {
+
+/// The segment [i, i + 1] of a table at a continuous index, the outermost ones beyond the ends.
+std::size_t segment_of(const std::vector<double>& values, double index) {
+  const auto last = static_cast<double>(values.size() - 2);
+  // The order of the arguments takes a NaN to a segment as well (and the result to NaN).
+  return static_cast<std::size_t>(std::max(0.0, std::min(last, std::floor(index))));
+}
+
+}  // namespace
 
 MonotonicTable::MonotonicTable(std::vector<double> values, const std::string& source,
                                const std::string& field)
@@ -23,24 +33,24 @@ MonotonicTable::MonotonicTable(std::vector<double> values, const std::string& so
       fail(entry + " after " + std::to_string(values_[i - 1]) +
            ", must be strictly rising or strictly falling");
   }
+  mean_slope_inverse_ =
+      static_cast<double>(values_.size() - 1) / (values_.back() - values_.front());
 }
 
 double MonotonicTable::at(double index) const { return interpolate_table(values_, index); }
 
 double MonotonicTable::index_of(double value) const {
-  // The segment whose end is the first inner entry beyond the value; the outermost segments
-  // continue to infinity.
-  const auto begin = values_.begin() + 1;
-  const auto end = values_.end() - 1;
-  const auto it = rising_ ? std::upper_bound(begin, end, value)
-                          : std::upper_bound(begin, end, value, std::greater<double>());
-  const auto i = static_cast<std::size_t>(it - values_.begin()) - 1;
+  // The segment that an evenly spaced table would have, then as many steps as the table is uneven.
+  // The outermost segments continue to infinity.
+  const double guess = (value - values_.front()) * mean_slope_inverse_;
+  std::size_t i = segment_of(values_, guess);
+  while (i > 0 && (value < values_[i]) == rising_) --i;
+  while (i + 2 < values_.size() && (value >= values_[i + 1]) == rising_) ++i;
   return static_cast<double>(i) + (value - values_[i]) / (values_[i + 1] - values_[i]);
 }
 
 double interpolate_table(const std::vector<double>& values, double index) {
-  const auto last = static_cast<double>(values.size() - 2);
-  const auto i = static_cast<std::size_t>(std::clamp(std::floor(index), 0.0, last));
+  const std::size_t i = segment_of(values, index);
   return values[i] + (index - static_cast<double>(i)) * (values[i + 1] - values[i]);
 }
 

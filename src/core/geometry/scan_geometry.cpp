@@ -10,6 +10,10 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRigidTolerance = 1e-4;
 
+std::string degrees(double angle_rad) {
+  return std::to_string(angle_rad * 180.0 / kPi) + " degrees";
+}
+
 void require_positive(double value, const std::string& source, const std::string& field) {
   if (!std::isfinite(value) || value <= 0.0)
     throw InputError(source,
@@ -26,6 +30,18 @@ void validate_axial(const AxialSampling& axial, const std::string& source) {
                                  ", must be finite and >= 0");
 }
 
+/// Angles are tested by `extra_rad` on either side of the table.
+void require_within_right_angle(const std::vector<double>& angles_rad, double extra_rad,
+                                const std::string& source, const std::string& field) {
+  for (std::size_t i = 0; i < angles_rad.size(); ++i)
+    if (std::abs(angles_rad[i]) + extra_rad >= 0.5 * kPi)
+      throw InputError(
+          source, "'" + field + "' entry " + std::to_string(i) + " is " + degrees(angles_rad[i]) +
+                      (extra_rad > 0.0 ? ", with half the frame's travel of " + degrees(extra_rad)
+                                       : std::string()) +
+                      ", must be within +-90 degrees");
+}
+
 void validate_array(const Array& array, const std::string& source) {
   if (const auto* linear = std::get_if<LinearArray>(&array)) {
     MonotonicTable(linear->line_positions_mm, source, "line_positions_mm");
@@ -33,24 +49,31 @@ void validate_array(const Array& array, const std::string& source) {
   }
   const auto& curved = std::get<CurvilinearArray>(array);
   require_positive(curved.probe_radius_mm, source, "probe_radius_mm");
-  MonotonicTable(curved.line_angles_rad, source, "line_angles");
-  for (const double angle : curved.line_angles_rad)
-    if (std::abs(angle) >= 0.5 * kPi)
-      throw InputError(source, "'line_angles' holds " + std::to_string(angle * 180.0 / kPi) +
-                                   " degrees, must be within +-90");
+  MonotonicTable(curved.line_angles_rad, source, "line_angles_rad");
+  require_within_right_angle(curved.line_angles_rad, 0.0, source, "line_angles_rad");
 }
 
-void validate_motor(const MotorSweep& sweep, const Array& array, const std::string& source) {
-  if (!std::holds_alternative<CurvilinearArray>(array))
+void validate_motor(const MotorSweep& sweep, const ScanGeometry& geometry,
+                    const std::string& source) {
+  if (!std::holds_alternative<CurvilinearArray>(geometry.array))
     throw InputError(source, "a motorised probe has a linear array, must be curvilinear");
   require_positive(sweep.motor_radius_mm, source, "motor_radius_mm");
-  MonotonicTable(sweep.frame_angles_rad, source, "frame_angles");
-  for (const double angle : sweep.frame_angles_rad)
-    if (std::abs(angle) >= 0.5 * kPi)
-      throw InputError(source, "'frame_angles' holds " + std::to_string(angle * 180.0 / kPi) +
-                                   " degrees, must be within +-90");
+  MonotonicTable(sweep.frame_angles_rad, source, "frame_angles_rad");
   if (!std::isfinite(sweep.frame_travel_rad))
-    throw InputError(source, "'frame_travel' is not finite");
+    throw InputError(source, "'frame_travel_rad' is not finite");
+  require_within_right_angle(sweep.frame_angles_rad, 0.5 * std::abs(sweep.frame_travel_rad), source,
+                             "frame_angles_rad");
+  // Behind the motor axis two motor angles reach the same point and eqs 4.11-4.14 have no inverse.
+  const auto& curved = std::get<CurvilinearArray>(geometry.array);
+  const double radius = curved.probe_radius_mm;
+  for (const double angle : {curved.line_angles_rad.front(), curved.line_angles_rad.back()}) {
+    const double H = (radius + geometry.axial.start_depth_mm) * std::cos(angle);
+    if (H <= radius - sweep.motor_radius_mm)
+      throw InputError(source, "'motor_radius_mm' is " + std::to_string(sweep.motor_radius_mm) +
+                                   ", must be > " + std::to_string(radius - H) +
+                                   ": else the line at " + degrees(angle) +
+                                   " starts behind the motor axis");
+  }
 }
 
 void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
@@ -76,11 +99,6 @@ void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
                                    std::to_string(times[i]) + ", must be finite and not falling");
 }
 
-const std::vector<double>& line_table(const Array& array) {
-  if (const auto* linear = std::get_if<LinearArray>(&array)) return linear->line_positions_mm;
-  return std::get<CurvilinearArray>(array).line_angles_rad;
-}
-
 /// Travel of the motor at a line, relative to the middle of its frame.
 double travel_at_line(double frame_travel_rad, int lines, double line) {
   return frame_travel_rad * ((line + 0.5) / lines - 0.5);
@@ -94,6 +112,11 @@ const CurvilinearArray& require_curvilinear(const ScanGeometry& geometry) {
 
 }  // namespace
 
+const std::vector<double>& line_table(const Array& array) {
+  if (const auto* linear = std::get_if<LinearArray>(&array)) return linear->line_positions_mm;
+  return std::get<CurvilinearArray>(array).line_angles_rad;
+}
+
 int ScanGeometry::lines() const { return static_cast<int>(line_table(array).size()); }
 
 int ScanGeometry::frames() const {
@@ -106,7 +129,7 @@ void ScanGeometry::validate(const std::string& source) const {
   validate_axial(axial, source);
   validate_array(array, source);
   if (const auto* sweep = std::get_if<MotorSweep>(&motion))
-    validate_motor(*sweep, array, source);
+    validate_motor(*sweep, *this, source);
   else
     validate_tracked(std::get<TrackedSweep>(motion), source);
 }
@@ -150,12 +173,12 @@ Eigen::Vector3d us_from_scan(const ScanGeometry& geometry, const ScanIndex& inde
     return T_us_frame_at_motor_angle(radius, sweep->motor_radius_mm, phi) * p_frame;
   }
   const auto& poses = std::get<TrackedSweep>(geometry.motion).T_us_frame;
-  const auto frame = static_cast<std::size_t>(index.frame);
-  if (!(index.frame >= 0.0) || static_cast<double>(frame) != index.frame || frame >= poses.size())
+  if (!(index.frame >= 0.0 && index.frame < static_cast<double>(poses.size())) ||
+      std::floor(index.frame) != index.frame)
     throw InputError("tracked sweep", "frame index is " + std::to_string(index.frame) +
                                           ", must be a whole number below " +
                                           std::to_string(poses.size()));
-  return poses[frame] * p_frame;
+  return poses[static_cast<std::size_t>(index.frame)] * p_frame;
 }
 
 MotorisedInverse::MotorisedInverse(const ScanGeometry& geometry)
@@ -164,20 +187,27 @@ MotorisedInverse::MotorisedInverse(const ScanGeometry& geometry)
       axis_offset_mm_(probe_radius_mm_ - std::get<MotorSweep>(geometry.motion).motor_radius_mm),
       frame_travel_rad_(std::get<MotorSweep>(geometry.motion).frame_travel_rad),
       lines_(geometry.lines()),
-      line_angles_(line_table(geometry.array), "geometry", "line_angles"),
+      line_angles_(line_table(geometry.array), "geometry", "line_angles_rad"),
       frame_angles_(std::get<MotorSweep>(geometry.motion).frame_angles_rad, "geometry",
-                    "frame_angles") {}
+                    "frame_angles_rad") {}
 
 ScanIndex MotorisedInverse::scan_from_us(const Eigen::Vector3d& p_us_mm) const {
-  const double y_from_axis = p_us_mm.y() - axis_offset_mm_;
-  const double phi = std::atan2(p_us_mm.z(), y_from_axis);
-  const double H = axis_offset_mm_ + std::hypot(y_from_axis, p_us_mm.z());
-  const double theta = std::atan2(p_us_mm.x(), H);
-  const double h = std::hypot(p_us_mm.x(), H);
+  return scan_from_swing(swing_from_us(p_us_mm.y(), p_us_mm.z()), p_us_mm.x());
+}
+
+MotorisedInverse::Swing MotorisedInverse::swing_from_us(double y_us_mm, double z_us_mm) const {
+  const double y_from_axis = y_us_mm - axis_offset_mm_;
+  return {std::atan2(z_us_mm, y_from_axis),
+          axis_offset_mm_ + std::sqrt(y_from_axis * y_from_axis + z_us_mm * z_us_mm)};
+}
+
+ScanIndex MotorisedInverse::scan_from_swing(const Swing& swing, double x_us_mm) const {
+  const double h = std::sqrt(x_us_mm * x_us_mm + swing.H_mm * swing.H_mm);
   ScanIndex index;
   index.sample = (h - probe_radius_mm_ - axial_.start_depth_mm) / axial_.spacing_mm;
-  index.line = line_angles_.index_of(theta);
-  index.frame = frame_angles_.index_of(phi - travel_at_line(frame_travel_rad_, lines_, index.line));
+  index.line = line_angles_.index_of(std::atan2(x_us_mm, swing.H_mm));
+  index.frame =
+      frame_angles_.index_of(swing.phi_rad - travel_at_line(frame_travel_rad_, lines_, index.line));
   return index;
 }
 
@@ -185,7 +215,7 @@ ArrayInverse::ArrayInverse(const Array& array, const AxialSampling& axial)
     : axial_(axial),
       curvilinear_(std::holds_alternative<CurvilinearArray>(array)),
       probe_radius_mm_(curvilinear_ ? std::get<CurvilinearArray>(array).probe_radius_mm : 0.0),
-      lines_(line_table(array), "array", curvilinear_ ? "line_angles" : "line_positions_mm") {}
+      lines_(line_table(array), "array", curvilinear_ ? "line_angles_rad" : "line_positions_mm") {}
 
 ScanIndex ArrayInverse::scan_from_frame(const Eigen::Vector3d& p_frame_mm) const {
   const double x = p_frame_mm.x();

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "us_ct_registration/geometry/monotonic_table.h"
+
+/// Interpolation between the samples of raw ultrasound (not a `Volume`: its axes are no lengths).
+namespace usct {
+
+/// Whether a continuous index lies within half a step of the recorded ones.
+inline bool is_recorded(double index, int count) { return index >= -0.5 && index < count - 0.5; }
+
+/// The neighbours of a recorded continuous index along one axis; the edge is repeated.
+struct Neighbours {
+  int lower;
+  int upper;
+  float weight;  // of the upper one
+
+  static Neighbours linear(double index, int count) {
+    const double clamped = std::min(std::max(index, 0.0), static_cast<double>(count - 1));
+    const int lower = static_cast<int>(clamped);  // not negative: truncation is floor
+    return {lower, std::min(lower + 1, count - 1),
+            static_cast<float>(clamped - static_cast<double>(lower))};
+  }
+  static Neighbours nearest(double index, int count) {
+    const int n = std::clamp(static_cast<int>(std::floor(index + 0.5)), 0, count - 1);
+    return {n, n, 0.0F};
+  }
+};
+
+/// The indices of a table of angles or positions at which a fan reaches farthest along any axis:
+/// all entries, half a step beyond either end, and straight ahead.
+inline std::vector<double> bounding_indices(const std::vector<double>& table) {
+  const double end = static_cast<double>(table.size()) - 0.5;
+  std::vector<double> indices{-0.5, end};
+  for (std::size_t i = 0; i < table.size(); ++i) indices.push_back(static_cast<double>(i));
+  const double ahead = MonotonicTable(table, "table", "table").index_of(0.0);
+  if (ahead > -0.5 && ahead < end) indices.push_back(ahead);
+  return indices;
+}
+
+inline float mix(float a, float b, float weight_of_b) { return a + weight_of_b * (b - a); }
+
+}  // namespace usct
