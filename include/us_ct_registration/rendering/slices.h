@@ -48,6 +48,11 @@ Picture render_ct(const CtVolume& ct, const Eigen::Isometry3d& T_us_ct, CtWindow
 /// CT in orange over ultrasound in cyan: where both are bright the picture is white.
 Picture blend(const Picture& us, const Picture& ct);
 
+/// Draws the points (mm, frame of the plane) that lie within `distance_mm` of the plane.
+void draw_points(Picture& picture, const SlicePlane& plane,
+                 const std::vector<Eigen::Vector3d>& points_mm, double distance_mm,
+                 const Picture::Colour& colour);
+
 /// Squares of `square_px` pixels, ultrasound and CT in turn: edges must continue across squares.
 Picture checkerboard(const Picture& us, const Picture& ct, int square_px);
 

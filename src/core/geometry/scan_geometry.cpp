@@ -117,7 +117,9 @@ const std::vector<double>& line_table(const Array& array) {
   return std::get<CurvilinearArray>(array).line_angles_rad;
 }
 
-int ScanGeometry::lines() const { return static_cast<int>(line_table(array).size()); }
+int line_count(const Array& array) { return static_cast<int>(line_table(array).size()); }
+
+int ScanGeometry::lines() const { return line_count(array); }
 
 int ScanGeometry::frames() const {
   if (const auto* sweep = std::get_if<MotorSweep>(&motion))

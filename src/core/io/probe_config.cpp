@@ -128,12 +128,6 @@ std::vector<double> calibrated_angles(const ProbeMotor& motor, const RecordedFra
   return angles;
 }
 
-int line_count(const Array& array) {
-  if (const auto* linear = std::get_if<LinearArray>(&array))
-    return static_cast<int>(linear->line_positions_mm.size());
-  return static_cast<int>(std::get<CurvilinearArray>(array).line_angles_rad.size());
-}
-
 /// Array and sampling; the motion is left to the caller.
 ScanGeometry still_geometry(const ProbeConfig& probe, const RecordedFrames& recorded,
                             const std::string& source) {

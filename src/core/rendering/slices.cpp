@@ -98,6 +98,22 @@ Picture blend(const Picture& us, const Picture& ct) {
   return result;
 }
 
+void draw_points(Picture& picture, const SlicePlane& plane,
+                 const std::vector<Eigen::Vector3d>& points_mm, double distance_mm,
+                 const Picture::Colour& colour) {
+  const Eigen::Vector3d normal = plane.right.cross(plane.down);
+  for (const Eigen::Vector3d& p_mm : points_mm) {
+    const Eigen::Vector3d offset_mm = p_mm - plane.centre_mm;
+    if (!(std::abs(normal.dot(offset_mm)) <= distance_mm)) continue;
+    const double x = plane.right.dot(offset_mm) / plane.pixel_mm + 0.5 * (plane.width - 1);
+    const double y = plane.down.dot(offset_mm) / plane.pixel_mm + 0.5 * (plane.height - 1);
+    if (x > -0.5 && y > -0.5 && x < plane.width - 0.5 && y < plane.height - 0.5)
+      std::copy_n(
+          colour.data(), 3,
+          picture.pixel(static_cast<int>(std::lround(x)), static_cast<int>(std::lround(y))));
+  }
+}
+
 Picture checkerboard(const Picture& us, const Picture& ct, int square_px) {
   require_same_size(us, ct);
   if (square_px < 1)
