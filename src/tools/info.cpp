@@ -12,6 +12,20 @@ struct InfoOptions {
   bool json = false;
 };
 
+/// Six digits are enough to read; --json has all.
+std::string text_of(const nlohmann::ordered_json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number_float()) {
+    char text[32];
+    std::snprintf(text, sizeof(text), "%.6g", value.get<double>());
+    return text;
+  }
+  if (!value.is_array()) return value.dump();
+  std::string text;
+  for (const auto& entry : value) text += (text.empty() ? "" : " ") + text_of(entry);
+  return text;
+}
+
 /// One key per line; lists of values on the line, lists of objects and texts below it.
 void print(const nlohmann::ordered_json& object, int indent) {
   for (const auto& [key, value] : object.items()) {
@@ -25,14 +39,13 @@ void print(const nlohmann::ordered_json& object, int indent) {
         if (entry.is_object())
           print(entry, indent + 2);
         else
-          std::printf("%s  %s\n", margin.c_str(), entry.dump().c_str());
+          std::printf("%s  %s\n", margin.c_str(), text_of(entry).c_str());
       }
     } else if (value.is_array() && !value.empty() && value.front().is_string()) {
       for (const auto& entry : value)
         std::printf("%s%s: %s\n", margin.c_str(), key.c_str(), entry.get<std::string>().c_str());
     } else if (!value.is_array() || !value.empty()) {
-      const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-      std::printf("%s%s: %s\n", margin.c_str(), key.c_str(), text.c_str());
+      std::printf("%s%s: %s\n", margin.c_str(), key.c_str(), text_of(value).c_str());
     }
   }
 }

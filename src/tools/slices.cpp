@@ -60,8 +60,9 @@ std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
 }
 
 int run_slices(const SlicesOptions& options) {
-  const ScanConverted us = read_us_in_space(options.us, options.pixel_mm,
-                                            progress_bar("scan conversion", options.quiet));
+  const ScanConverted us = in_space(
+      read_ultrasound_with_warnings(options.ultrasound.source(options.us)), options.pixel_mm,
+      options.ultrasound.compounding(), progress_bar("scan conversion", options.quiet));
   const CtVolume ct = read_ct_with_warnings(options.ct);
   const Eigen::Isometry3d T_us_ct =
       options.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(options.transform);
