@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+
+namespace usct {
+
+/// Writes a file so that `target` is at every moment either what it was before or complete.
+///
+/// `write` is given the path of a temporary file in the folder of `target`, whose name ends in the
+/// whole name of `target` (writers that choose the format by the extension see the same one), and
+/// creates it. The temporary is then flushed to disk and renamed to `target`. On any failure it is
+/// removed, and `target` is untouched.
+///
+/// Throws InputError, naming `target`, if its folder does not exist or cannot be written to, or if
+/// `target` is a folder; std::runtime_error if the disk fails; and whatever `write` throws.
+void write_atomically(const std::filesystem::path& target,
+                      const std::function<void(const std::filesystem::path& temporary)>& write);
+
+}  // namespace usct

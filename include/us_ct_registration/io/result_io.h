@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+#include "us_ct_registration/registration/registration_result.h"
+
+/// Results of registrations as JSON. Keys: `status`, `message`, `T_us_ct` (16 numbers, row by row,
+/// mm), `similarity`, `overlap`, `covariance` (36 numbers, row by row), `candidates` (objects with
+/// `T_us_ct`, `similarity`, `overlap`), `evaluations`, `seconds` (by stage), `options` (by name, as
+/// text), `version`. What is not known is null; `T_us_ct` is null unless status is "registered".
+namespace usct {
+
+/// Throws InputError, naming file and key: for a file that is not such JSON; for a key that is
+/// missing, unknown or of the wrong type; for a transform that is not rigid; for a registered
+/// result without transform, or a transform with any other status.
+RegistrationResult read_result(const std::filesystem::path& path);
+
+/// Atomic. Numbers come back bit by bit. Throws InputError for a result that `read_result` would
+/// refuse, or if the folder cannot be written to.
+void write_result(const RegistrationResult& result, const std::filesystem::path& path);
+
+}  // namespace usct

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <filesystem>
+
+/// ITK transform files, as 3D Slicer, elastix and ANTs read and write them: `.tfm` and `.txt`
+/// (text),
+/// `.h5` and `.hdf5`.
+///
+/// Fixed = ultrasound, moving = CT: the *file* maps points of the US frame to CT points (T_ct_us),
+/// in millimetres, LPS. Callers always get and give its inverse, T_us_ct.
+namespace usct {
+
+/// Any linear ITK transform of three dimensions, or several composed, in single or double
+/// precision, whose matrix is a rotation: Euler3D, VersorRigid3D, Similarity3D with scale 1,
+/// Affine, ...
+///
+/// Throws InputError, naming the file: if it is not such a file or not of a known extension; if the
+/// transform is not linear; or if the matrix is not a rotation (each entry of MᵀM within 1e-5 of
+/// the identity), naming determinant and deviation of one that is scaled, sheared or mirrored.
+Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path);
+
+/// Writes the inverse of T_us_ct as an AffineTransform in double precision: of all ITK's transforms
+/// the one that every program reads, and the one that stores a rotation bit by bit. Atomic. Throws
+/// InputError if the extension is unknown, the folder cannot be written to, or T_us_ct is not
+/// rigid.
+void write_T_us_ct(const Eigen::Isometry3d& T_us_ct, const std::filesystem::path& path);
+
+}  // namespace usct

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace usct {
+
+/// How a registration ended. Only kRegistered comes with a transform.
+enum class RegistrationStatus {
+  kFailed,         // did not run to its end; the message says why
+  kRegistered,     // found, and confident
+  kLowConfidence,  // found something that must not be used as a registration
+  kNoOverlap,      // CT and ultrasound share too little
+  kCancelled,      // by the caller
+};
+
+/// "failed", "registered", "low_confidence", "no_overlap", "cancelled".
+const char* status_name(RegistrationStatus status);
+
+/// Throws InputError, naming `source`, for any other text.
+RegistrationStatus parse_status(const std::string& name, const std::string& source);
+
+/// One optimum of the similarity.
+struct RegistrationCandidate {
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  double similarity = 0.0;
+  double overlap = 0.0;
+};
+
+/// What a registration hands back. It starts as failed; nothing is valid by default.
+struct RegistrationResult {
+  RegistrationStatus status = RegistrationStatus::kFailed;
+  /// The reason in words, for people.
+  std::string message = "not run";
+  /// `p_us = T_us_ct * p_ct`, mm; only if status is kRegistered.
+  std::optional<Eigen::Isometry3d> T_us_ct;
+  /// Value of the similarity at the best pose, higher is better; NaN if none was evaluated.
+  double similarity = std::numeric_limits<double>::quiet_NaN();
+  /// Fraction of the ultrasound's samples that lie in the CT, in [0, 1]; NaN if not evaluated.
+  double overlap = std::numeric_limits<double>::quiet_NaN();
+  /// Of a small motion (rotation vector in rad, translation in mm) about the best pose.
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+  /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
+  /// as well.
+  std::vector<RegistrationCandidate> candidates;
+  int evaluations = 0;
+  /// Wall time per stage, s.
+  std::map<std::string, double> seconds;
+  /// The options that it ran with, as text.
+  std::map<std::string, std::string> options;
+  /// Version of this package that made it.
+  std::string version;
+};
+
+}  // namespace usct

@@ -1,0 +1,90 @@
+#include "us_ct_registration/io/atomic_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Removes the temporary unless it has been renamed (then nothing of that name is left).
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(fs::path path) : path_(std::move(path)) {}
+  ~TemporaryFile() {
+    std::error_code ignored;
+    fs::remove(path_, ignored);
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+fs::path folder_of(const fs::path& target) {
+  return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
+void check_target(const fs::path& target) {
+  const fs::path folder = folder_of(target);
+  std::error_code error;
+  if (!target.has_filename() || fs::is_directory(target, error))
+    throw InputError(target.string(), "is a folder, must be the name of a file");
+  if (!fs::is_directory(folder, error))
+    throw InputError(target.string(), "folder '" + folder.string() + "' does not exist");
+}
+
+/// Creating the file is the only true test: permissions, access lists and read-only mounts all
+/// show.
+void check_folder_is_writable(const fs::path& target, const fs::path& temporary) {
+  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (file < 0)
+    throw InputError(target.string(), "folder '" + folder_of(target).string() +
+                                          "' cannot be written to: " + std::strerror(errno));
+  ::close(file);
+  ::unlink(temporary.c_str());
+}
+
+/// Without the flush a crash after the rename could leave an empty file under the final name.
+void flush_to_disk(const fs::path& path, int flags) {
+  const int file = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (file < 0) throw std::runtime_error(path.string() + ": " + std::strerror(errno));
+  const int status = ::fsync(file);
+  const int failure = errno;
+  ::close(file);
+  if (status != 0 && failure != EINVAL)  // EINVAL: a file system that cannot be flushed
+    throw std::runtime_error(path.string() + ": flush failed: " + std::strerror(failure));
+}
+
+}  // namespace
+
+void write_atomically(const fs::path& target,
+                      const std::function<void(const fs::path& temporary)>& write) {
+  static std::atomic<unsigned> counter{0};
+  check_target(target);
+  const fs::path folder = folder_of(target);
+  const std::string name = ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(++counter) +
+                           "-" + target.filename().string();
+  const TemporaryFile temporary(folder / name);
+  check_folder_is_writable(target, temporary.path());
+  write(temporary.path());
+  flush_to_disk(temporary.path(), O_RDONLY);
+  std::error_code error;
+  fs::rename(temporary.path(), target, error);
+  if (error) throw std::runtime_error(target.string() + ": rename failed: " + error.message());
+  flush_to_disk(folder, O_RDONLY | O_DIRECTORY);
+}
+
+}  // namespace usct

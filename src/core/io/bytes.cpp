@@ -1,0 +1,65 @@
+#include "io/bytes.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <limits>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
+
+namespace usct::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::ifstream open(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) throw InputError(path.string(), "does not exist");
+  if (error) throw InputError(path.string(), "cannot be opened: " + error.message());
+  if (fs::is_directory(status)) throw InputError(path.string(), "is a folder, must be a file");
+  // A pipe or a device has no size to check the header against.
+  if (!fs::is_regular_file(status)) throw InputError(path.string(), "is not a regular file");
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  if (!file)
+    throw InputError(path.string(), std::string("cannot be opened: ") + std::strerror(errno));
+  return file;
+}
+
+Bytes read_at_most(const fs::path& path, std::uintmax_t limit) {
+  std::ifstream file = open(path);
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) throw InputError(path.string(), "has no size: " + error.message());
+  if (size == 0) throw InputError(path.string(), "is empty");
+  Bytes bytes(static_cast<std::size_t>(std::min(size, limit)));
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  if (!file) throw InputError(path.string(), "could not be read to its end");
+  return bytes;
+}
+
+}  // namespace
+
+Bytes read_bytes(const fs::path& path) {
+  return read_at_most(path, std::numeric_limits<std::uintmax_t>::max());
+}
+
+Bytes read_prefix(const fs::path& path, std::size_t count) { return read_at_most(path, count); }
+
+void write_bytes(const fs::path& target, const Bytes& bytes) {
+  write_atomically(target, [&](const fs::path& temporary) {
+    std::ofstream file(temporary, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    file.close();
+    if (!file) throw std::runtime_error(target.string() + ": writing failed");
+  });
+}
+
+void write_text(const fs::path& target, const std::string& text) {
+  write_bytes(target, Bytes(text.begin(), text.end()));
+}
+
+}  // namespace usct::io

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+/// What the readers of src/core/io share: whole files as bytes, and sizes that cannot overflow.
+namespace usct::io {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// The content of a file. Throws InputError, naming the path, if it is missing, not a regular file,
+/// not readable, or empty.
+Bytes read_bytes(const std::filesystem::path& path);
+
+/// The first bytes of a file, at most `count`. Throws as `read_bytes`.
+Bytes read_prefix(const std::filesystem::path& path, std::size_t count);
+
+/// Writes `target` atomically. Throws as `write_atomically`.
+void write_bytes(const std::filesystem::path& target, const Bytes& bytes);
+void write_text(const std::filesystem::path& target, const std::string& text);
+
+/// Product of sizes that come from a file, none of which can be trusted. Throws InputError, naming
+/// `field`, if a factor is < 1 or the product exceeds 2^62.
+std::uint64_t size_product(std::initializer_list<std::int64_t> factors, const std::string& source,
+                           const std::string& field);
+
+/// int32, little-endian, at a byte offset that the caller has checked.
+std::int32_t int32_le(const Bytes& bytes, std::size_t offset);
+void append_int32_le(Bytes& bytes, std::int32_t value);
+
+}  // namespace usct::io

@@ -1,0 +1,78 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+#include "core/io/temporary_folder.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
+
+namespace usct {
+namespace {
+
+namespace fs = std::filesystem;
+using test::TemporaryFolder;
+
+void put(const fs::path& path, const std::string& text) { std::ofstream(path) << text; }
+
+std::string get(const fs::path& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::size_t file_count(const fs::path& folder) {
+  return static_cast<std::size_t>(
+      std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+}
+
+TEST(AtomicFile, WritesTheTargetAndLeavesNothingElse) {
+  const TemporaryFolder folder;
+  const fs::path target = folder.path() / "ct.nii.gz";
+  put(target, "old");
+  write_atomically(target, [&](const fs::path& temporary) {
+    EXPECT_EQ(temporary.parent_path(), target.parent_path());
+    EXPECT_NE(temporary, target);
+    const std::string name = temporary.filename().string();
+    EXPECT_EQ(name.substr(name.size() - 7), ".nii.gz");
+    put(temporary, "new");
+    EXPECT_EQ(get(target), "old");
+  });
+  EXPECT_EQ(get(target), "new");
+  EXPECT_EQ(file_count(folder.path()), 1U);
+}
+
+TEST(AtomicFile, FailureOfTheWriterLeavesTheOldFileAndNoTemporary) {
+  const TemporaryFolder folder;
+  const fs::path target = folder.path() / "result.json";
+  put(target, "old");
+  EXPECT_THROW(write_atomically(target,
+                                [](const fs::path& temporary) {
+                                  put(temporary, "half");
+                                  throw std::runtime_error("disk full");
+                                }),
+               std::runtime_error);
+  EXPECT_EQ(get(target), "old");
+  EXPECT_EQ(file_count(folder.path()), 1U);
+}
+
+TEST(AtomicFile, WriterThatCreatesNothingIsAFailure) {
+  const TemporaryFolder folder;
+  EXPECT_THROW(write_atomically(folder.path() / "a.txt", [](const fs::path&) {}),
+               std::runtime_error);
+  EXPECT_EQ(file_count(folder.path()), 0U);
+}
+
+TEST(AtomicFile, RefusesMissingFolderAndFolderAsTargetBeforeWriting) {
+  const TemporaryFolder folder;
+  const auto never = [](const fs::path&) { FAIL() << "must not be called"; };
+  EXPECT_THROW(write_atomically(folder.path() / "missing" / "a.txt", never), InputError);
+  EXPECT_THROW(write_atomically(folder.path(), never), InputError);
+  put(folder.path() / "file", "");
+  EXPECT_THROW(write_atomically(folder.path() / "file" / "a.txt", never), InputError);
+  EXPECT_THROW(write_atomically("/proc/a.txt", never), InputError);
+}
+
+}  // namespace
+}  // namespace usct
