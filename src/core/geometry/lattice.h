@@ -21,8 +21,8 @@ struct Neighbours {
   static Neighbours linear(double index, int count) {
     const double clamped = std::min(std::max(index, 0.0), static_cast<double>(count - 1));
     const int lower = static_cast<int>(clamped);  // not negative: truncation is floor
-    return {lower, std::min(lower + 1, count - 1),
-            static_cast<float>(clamped - static_cast<double>(lower))};
+    const auto weight = static_cast<float>(clamped - static_cast<double>(lower));
+    return {lower, weight > 0.0F ? lower + 1 : lower, weight};
   }
   static Neighbours nearest(double index, int count) {
     const int n = std::clamp(static_cast<int>(std::floor(index + 0.5)), 0, count - 1);
