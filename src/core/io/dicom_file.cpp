@@ -243,7 +243,7 @@ DicomImages read_images(const fs::path& path, const Attributes& top) {
   require_one_of(kSamples, {1}, "1");
   if (const std::string meaning = top.text(kPhotometric); meaning != "MONOCHROME2")
     top.refuse(kPhotometric, in_quotes(meaning), "'MONOCHROME2'");
-  images.bits_allocated = require_one_of(kBitsAllocated, {8, 16, 32}, "8, 16 or 32");
+  images.bits_allocated = require_one_of(kBitsAllocated, {8, 16}, "8 or 16");
   images.bits_stored = top.require_short(kBitsStored);
   if (images.bits_stored < 1 || images.bits_stored > images.bits_allocated)
     top.refuse(kBitsStored, std::to_string(images.bits_stored),

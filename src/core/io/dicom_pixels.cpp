@@ -76,13 +76,8 @@ void check_fragments(const DicomFile& file, const gdcm::DataElement& pixels,
       refuse(file, "compressed pixels have no end: cut short or damaged");
 }
 
-/// Stored values as GDCM gives them, and how.
-struct StoredPixels {
-  std::vector<char> bytes;
-  int bits_allocated;
-};
-
-StoredPixels decode(const DicomFile& file) {
+/// Stored values, little-endian, all frames.
+std::vector<char> decode(const DicomFile& file) {
   gdcm::PixmapReader reader;
   reader.SetFileName(file.path.c_str());
   if (!reader.Read())
@@ -95,15 +90,15 @@ StoredPixels decode(const DicomFile& file) {
   if (pixmap.GetBufferLength() != wanted)
     refuse(file, "pixels take " + std::to_string(pixmap.GetBufferLength()) + " bytes, must be " +
                      std::to_string(wanted) + " by the header");
-  StoredPixels stored{std::vector<char>(wanted), file.images.bits_allocated};
-  if (!pixmap.GetBuffer(stored.bytes.data()))
+  std::vector<char> stored(wanted);
+  if (!pixmap.GetBuffer(stored.data()))
     refuse(file, "pixels cannot be decoded: cut short, damaged, or of transfer syntax '" +
                      file.transfer_syntax_uid + "', which is not known");
   return stored;
 }
 
 template <typename Raw>
-void to_hounsfield(const DicomFile& file, const StoredPixels& stored,
+void to_hounsfield(const DicomFile& file, const std::vector<char>& stored,
                    std::vector<std::int16_t>& hounsfield) {
   const DicomImages& images = file.images;
   // Bits above BitsStored may hold anything.
@@ -115,7 +110,7 @@ void to_hounsfield(const DicomFile& file, const StoredPixels& stored,
     const std::size_t begin = frame * images.frame_pixels();
     for (std::size_t i = begin; i < begin + images.frame_pixels(); ++i) {
       Raw raw;
-      std::memcpy(&raw, &stored.bytes[i * sizeof(Raw)], sizeof(Raw));
+      std::memcpy(&raw, &stored[i * sizeof(Raw)], sizeof(Raw));
       raw = static_cast<Raw>(raw << unused);
       const long value = images.is_signed ? static_cast<long>(static_cast<Signed>(raw) >> unused)
                                           : static_cast<long>(raw >> unused);
@@ -136,7 +131,7 @@ void to_hounsfield(const DicomFile& file, const StoredPixels& stored,
 
 std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file) {
   check_size(file);
-  StoredPixels stored;
+  std::vector<char> stored;
   try {
     stored = decode(file);
   } catch (const InputError&) {
@@ -145,17 +140,10 @@ std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file) {
     refuse(file, "pixels cannot be read: cut short or damaged");
   }
   std::vector<std::int16_t> hounsfield(file.images.frame_pixels() * file.images.frames.size());
-  switch (stored.bits_allocated) {
-    case 8:
-      to_hounsfield<std::uint8_t>(file, stored, hounsfield);
-      break;
-    case 16:
-      to_hounsfield<std::uint16_t>(file, stored, hounsfield);
-      break;
-    default:
-      to_hounsfield<std::uint32_t>(file, stored, hounsfield);
-      break;
-  }
+  if (file.images.bits_allocated == 8)
+    to_hounsfield<std::uint8_t>(file, stored, hounsfield);
+  else
+    to_hounsfield<std::uint16_t>(file, stored, hounsfield);
   return hounsfield;
 }
 
