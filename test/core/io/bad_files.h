@@ -1,0 +1,88 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <initializer_list>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "core/io/temporary_folder.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::test {
+
+using FileBytes = std::vector<std::uint8_t>;
+
+inline FileBytes to_bytes(const std::string& text) { return {text.begin(), text.end()}; }
+
+inline FileBytes slurp(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+inline std::filesystem::path spit(const std::filesystem::path& path, const FileBytes& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  return path;
+}
+
+inline std::filesystem::path spit(const std::filesystem::path& path, const std::string& text) {
+  return spit(path, to_bytes(text));
+}
+
+inline void append_int32(FileBytes& bytes, std::int32_t value) {
+  for (int shift = 0; shift < 32; shift += 8)
+    bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint32_t>(value) >> shift));
+}
+
+/// `action` throws InputError whose message has every fragment: what a user needs to find the
+/// fault.
+inline void expect_input_error(const std::function<void()>& action,
+                               std::initializer_list<std::string> fragments) {
+  try {
+    action();
+    ADD_FAILURE() << "was accepted, should be refused with: " << *fragments.begin();
+  } catch (const InputError& error) {
+    for (const std::string& fragment : fragments)
+      EXPECT_NE(std::string(error.what()).find(fragment), std::string::npos)
+          << "message: " << error.what() << "\nlacks: " << fragment;
+  }
+}
+
+/// What every reader must refuse in words, given a good file: no file, a folder, an empty file, a
+/// file without permission, foreign content, and the good file cut off at any place.
+inline void expect_refuses_broken_files(
+    const std::function<void(const std::filesystem::path&)>& read, const FileBytes& good,
+    const std::string& extension) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / ("file" + extension);
+  expect_input_error([&] { read(path); }, {path.string(), "does not exist"});
+  std::filesystem::create_directory(path);
+  expect_input_error([&] { read(path); }, {path.string(), "is a folder"});
+  std::filesystem::remove(path);
+  spit(path, FileBytes());
+  expect_input_error([&] { read(path); }, {path.string(), "is empty"});
+  spit(path, good);
+  EXPECT_NO_THROW(read(path));
+  if (::geteuid() != 0) {  // root reads everything
+    std::filesystem::permissions(path, std::filesystem::perms::none);
+    expect_input_error([&] { read(path); }, {path.string(), "cannot be opened"});
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  }
+  spit(path, "GIF89a\x01\x02 something else altogether\n\n");
+  expect_input_error([&] { read(path); }, {path.string()});
+  for (std::size_t size = 1; size < good.size(); size += 1 + size / 16) {
+    spit(path, FileBytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)));
+    SCOPED_TRACE("cut off after " + std::to_string(size) + " bytes");
+    expect_input_error([&] { read(path); }, {path.string()});
+  }
+}
+
+}  // namespace usct::test
