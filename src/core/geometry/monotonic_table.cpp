@@ -11,8 +11,9 @@ namespace {
 /// The segment [i, i + 1] of a table at a continuous index, the outermost ones beyond the ends.
 std::size_t segment_of(const std::vector<double>& values, double index) {
   const auto last = static_cast<double>(values.size() - 2);
-  // The order of the arguments takes a NaN to a segment as well (and the result to NaN).
-  return static_cast<std::size_t>(std::max(0.0, std::min(last, std::floor(index))));
+  // Not negative, so that truncation is floor. The order of the arguments takes a NaN to a segment
+  // as well (and the result to NaN).
+  return static_cast<std::size_t>(std::max(0.0, std::min(last, index)));
 }
 
 }  // namespace

@@ -199,8 +199,11 @@ ScanIndex MotorisedInverse::scan_from_us(const Eigen::Vector3d& p_us_mm) const {
 
 MotorisedInverse::Swing MotorisedInverse::swing_from_us(double y_us_mm, double z_us_mm) const {
   const double y_from_axis = y_us_mm - axis_offset_mm_;
-  return {std::atan2(z_us_mm, y_from_axis),
-          axis_offset_mm_ + std::sqrt(y_from_axis * y_from_axis + z_us_mm * z_us_mm)};
+  Swing swing;
+  swing.phi_rad = std::atan2(z_us_mm, y_from_axis);
+  swing.H_mm = axis_offset_mm_ + std::sqrt(y_from_axis * y_from_axis + z_us_mm * z_us_mm);
+  if (frame_travel_rad_ == 0.0) swing.frame = frame_angles_.index_of(swing.phi_rad);
+  return swing;
 }
 
 ScanIndex MotorisedInverse::scan_from_swing(const Swing& swing, double x_us_mm) const {
@@ -208,8 +211,10 @@ ScanIndex MotorisedInverse::scan_from_swing(const Swing& swing, double x_us_mm) 
   ScanIndex index;
   index.sample = (h - probe_radius_mm_ - axial_.start_depth_mm) / axial_.spacing_mm;
   index.line = line_angles_.index_of(std::atan2(x_us_mm, swing.H_mm));
-  index.frame =
-      frame_angles_.index_of(swing.phi_rad - travel_at_line(frame_travel_rad_, lines_, index.line));
+  index.frame = frame_travel_rad_ == 0.0
+                    ? swing.frame
+                    : frame_angles_.index_of(swing.phi_rad -
+                                             travel_at_line(frame_travel_rad_, lines_, index.line));
   return index;
 }
 
