@@ -50,3 +50,5 @@ foreach(folder ${test_folders})
     usct_add_gtest(test_${name} ${sources})
   endif()
 endforeach()
+
+add_subdirectory(test/fuzz)
