@@ -10,4 +10,8 @@ namespace usct::tools {
 
 using Run = std::function<int()>;
 
+void add_info_command(CLI::App& app, Run& run);
+void add_convert_command(CLI::App& app, Run& run);
+void add_slices_command(CLI::App& app, Run& run);
+
 }  // namespace usct::tools

@@ -8,8 +8,13 @@
 int main(int argc, char** argv) {
   using namespace usct;  // NOLINT(google-build-using-namespace)
   CLI::App app{"usct: registration of preoperative CT to 3D ultrasound of the kidney"};
+  app.set_version_flag("--version", USCT_VERSION);
   app.require_subcommand(1);
+  app.footer("Exit status: 0 done, 1 failed, 2 bad arguments or input, 3 registration refused.");
   tools::Run run;
+  tools::add_info_command(app, run);
+  tools::add_convert_command(app, run);
+  tools::add_slices_command(app, run);
   try {
     app.parse(argc, argv);
     return run();

@@ -40,6 +40,8 @@ struct LinearArray {
 
 using Array = std::variant<CurvilinearArray, LinearArray>;
 
+int line_count(const Array& array);
+
 /// The angles in radians, or positions in mm, of the lines.
 const std::vector<double>& line_table(const Array& array);
 

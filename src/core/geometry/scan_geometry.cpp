@@ -44,12 +44,12 @@ void require_within_right_angle(const std::vector<double>& angles_rad, double ex
 
 void validate_array(const Array& array, const std::string& source) {
   if (const auto* linear = std::get_if<LinearArray>(&array)) {
-    MonotonicTable(linear->line_positions_mm, source, "line_positions_mm");
+    require_monotonic(linear->line_positions_mm, source, "line_positions_mm");
     return;
   }
   const auto& curved = std::get<CurvilinearArray>(array);
   require_positive(curved.probe_radius_mm, source, "probe_radius_mm");
-  MonotonicTable(curved.line_angles_rad, source, "line_angles_rad");
+  require_monotonic(curved.line_angles_rad, source, "line_angles_rad");
   require_within_right_angle(curved.line_angles_rad, 0.0, source, "line_angles_rad");
 }
 
@@ -58,7 +58,7 @@ void validate_motor(const MotorSweep& sweep, const ScanGeometry& geometry,
   if (!std::holds_alternative<CurvilinearArray>(geometry.array))
     throw InputError(source, "a motorised probe has a linear array, must be curvilinear");
   require_positive(sweep.motor_radius_mm, source, "motor_radius_mm");
-  MonotonicTable(sweep.frame_angles_rad, source, "frame_angles_rad");
+  require_monotonic(sweep.frame_angles_rad, source, "frame_angles_rad");
   if (!std::isfinite(sweep.frame_travel_rad))
     throw InputError(source, "'frame_travel_rad' is not finite");
   require_within_right_angle(sweep.frame_angles_rad, 0.5 * std::abs(sweep.frame_travel_rad), source,
@@ -117,7 +117,9 @@ const std::vector<double>& line_table(const Array& array) {
   return std::get<CurvilinearArray>(array).line_angles_rad;
 }
 
-int ScanGeometry::lines() const { return static_cast<int>(line_table(array).size()); }
+int line_count(const Array& array) { return static_cast<int>(line_table(array).size()); }
+
+int ScanGeometry::lines() const { return line_count(array); }
 
 int ScanGeometry::frames() const {
   if (const auto* sweep = std::get_if<MotorSweep>(&motion))

@@ -1,0 +1,51 @@
+# usct_add_gtest(NAME SOURCES...): with ROS through catkin, so that catkin_test_results sees it.
+function(usct_add_gtest name)
+  if(USCT_CORE_ONLY)
+    add_executable(${name} EXCLUDE_FROM_ALL ${ARGN})
+    target_link_libraries(${name} GTest::gtest GTest::gtest_main)
+    add_dependencies(tests ${name})
+    add_test(NAME ${name} COMMAND ${name}
+      --gtest_output=xml:${PROJECT_BINARY_DIR}/test_results/${name}.xml)
+  else()
+    catkin_add_gtest(${name} ${ARGN})
+    target_link_libraries(${name} ${GTEST_MAIN_LIBRARIES} ${GTEST_LIBRARIES})
+  endif()
+  target_include_directories(${name} PRIVATE
+    ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src/core)
+  target_include_directories(${name} SYSTEM PRIVATE
+    ${ITK_INCLUDE_DIRS} ${GDCM_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
+  target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
+    ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
+    usct_warnings)
+  target_compile_definitions(${name} PRIVATE
+    USCT_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    USCT_TOOL="$<TARGET_FILE:usct>")
+  add_dependencies(${name} usct)
+endfunction()
+
+file(GLOB test_folders CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/core/*)
+foreach(folder ${test_folders})
+  file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cpp)
+  if(sources)
+    get_filename_component(name ${folder} NAME)
+    usct_add_gtest(test_${name} ${sources})
+  endif()
+endforeach()
+
+# The package itself: what it promises to a stranger who builds it.
+find_package(Python3 REQUIRED COMPONENTS Interpreter)
+set(package_tests ${PROJECT_SOURCE_DIR}/test/package)
+add_test(NAME package_dependencies
+  COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_dependencies.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_core_without_ros
+  COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_core_without_ros.py ${PROJECT_SOURCE_DIR}
+    $<TARGET_FILE:${PROJECT_NAME}_core>)
+if(NOT USCT_CORE_ONLY)
+  add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})
+  add_test(NAME package_catkin_lint COMMAND catkin_lint --strict ${PROJECT_SOURCE_DIR})
+  foreach(variant cmake core_only catkin_make catkin_build)
+    add_test(NAME package_built_by_${variant}
+      COMMAND ${package_tests}/build_variants.sh
+        ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR} ${variant})
+  endforeach()
+endif()

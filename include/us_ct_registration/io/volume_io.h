@@ -1,0 +1,57 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/volume/volume.h"
+
+/// Image volumes in NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd) and NIfTI-1 (.nii, .nii.gz).
+///
+/// The format is chosen by the extension, and the content must agree with it. Positions are LPS
+/// millimetres, whatever the file uses. Readers are strict: a volume without a stated orientation,
+/// with sheared or not finite axes, with other than three dimensions or one value per voxel, or
+/// whose size does not match the size of its file, is refused; nothing is repaired and no default
+/// takes the place of what a header lacks. Sizes are checked against the file before memory is
+/// allocated, and checksums of compressed data are verified.
+namespace usct {
+
+/// What the header of a volume says.
+struct VolumeInfo {
+  /// "NRRD", "MetaImage" or "NIfTI".
+  std::string format;
+  Grid grid;
+  /// Type of the stored values: "uint8", "int16", "float32" and so on.
+  std::string component;
+  bool compressed = false;
+  /// Values are stored times `scale` plus `offset` (NIfTI's scl_slope and scl_inter).
+  double scale = 1.0;
+  double offset = 0.0;
+  /// What is unusual in the header but was understood.
+  std::vector<std::string> warnings;
+};
+
+/// Whether the extension is one of a volume format above.
+bool has_volume_extension(const std::filesystem::path& path);
+
+/// Reads the header alone. Throws InputError, naming file, field, value and constraint.
+VolumeInfo read_volume_info(const std::filesystem::path& path);
+
+/// Reads a volume as T (uint8_t, int16_t, uint16_t or float).
+///
+/// Stored values that T cannot hold are an InputError that names the range found; so are NaN, and
+/// for uint8_t and uint16_t fractions. Into int16_t, fractions are rounded to nearest, because CT
+/// is often stored as rescaled floating-point Hounsfield units.
+/// Throws InputError, naming file, field, value and constraint.
+template <typename T>
+Volume<T> read_volume(const std::filesystem::path& path);
+
+/// Writes a volume, atomically (see atomic_file.h); compressed only as .nii.gz. NIfTI holds
+/// positions as 32-bit floats, the other formats as doubles. MetaImage as .mhd puts the voxels
+/// beside the header, in a file of the same name that ends in .raw.
+/// Throws InputError for an unknown extension, an invalid grid, a folder that cannot be written to,
+/// or, for NIfTI, more than 32767 voxels along an axis.
+template <typename T>
+void write_volume(const Volume<T>& volume, const std::filesystem::path& path);
+
+}  // namespace usct

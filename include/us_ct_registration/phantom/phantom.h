@@ -1,0 +1,133 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/geometry/scan_geometry.h"
+#include "us_ct_registration/phantom/anatomy.h"
+#include "us_ct_registration/phantom/ct_formation.h"
+#include "us_ct_registration/phantom/sweep.h"
+#include "us_ct_registration/phantom/tissue.h"
+#include "us_ct_registration/phantom/ultrasound_options.h"
+#include "us_ct_registration/progress.h"
+#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/volume/volume.h"
+
+/// A digital phantom: CT and pre-scan ultrasound of one anatomy in a known relative pose.
+///
+/// Ultrasound is formed from tissue properties by summing scatterers, never from CT intensities,
+/// and shares no code with the simulation that registration uses: it is there to judge that
+/// registration.
+namespace usct::phantom {
+
+enum class SceneKind { kAgar, kPatient, kFromCt };
+
+/// "agar", "patient", "from-ct". Throws InputError, naming `source`, for anything else.
+SceneKind parse_scene(const std::string& text, const std::string& source);
+std::string to_string(SceneKind scene);
+
+struct AnatomyOptions {
+  /// Factor on the differences between soft tissues, in CT and ultrasound; (0, 1.5].
+  double contrast = 1.0;
+  /// Gas bubbles of 0.2-0.8 mm radius at the kidney; [0, 200].
+  int bubbles = 3;
+  /// Standoff (gel) between array and skin or agar, mm; [0, 30]. Unset: 1 mm on agar, 3-9 mm on a
+  /// patient, by seed.
+  std::optional<double> standoff_mm;
+  /// How deep the probe presses the skin in, mm, in the ultrasound only; [0, 20]. Unset: 0 on agar,
+  /// 4 mm on a patient.
+  std::optional<double> indentation_mm;
+  /// Largest displacement, mm, by which the kidney deforms smoothly between CT and ultrasound;
+  /// [0, 15].
+  double deformation_mm = 0.0;
+  /// Patient: what the kidney holds.
+  bool tumour = true;
+  bool cyst = true;
+  bool stone = true;
+};
+
+/// From which side the probe looks at a real CT.
+enum class Approach { kAuto, kLateral, kPosterior, kAnterior };
+
+/// A CT that becomes the anatomy. Labels say which tissue a voxel is; what they leave open is
+/// classified by HU.
+struct CtAnatomyInput {
+  CtVolume ct;
+  /// On any grid; empty if there is none.
+  LabelVolume labels;
+  /// Tissue of each label. `Tissue::kCortex` stands for a whole kidney: medulla and sinus are then
+  /// made up inside.
+  std::map<int, Tissue> tissue_of_label;
+  /// The label of the kidney to look at. Without labels: a point in it.
+  std::optional<int> kidney_label;
+  std::optional<Eigen::Vector3d> kidney_centre_mm;
+  Approach approach = Approach::kAuto;
+  /// Voxels of at least this HU are bone (stone within a kidney). To be raised where contrasted
+  /// vessels are brighter.
+  double bone_hu = 200.0;
+  /// Standard deviation of noise that is added to the CT that is handed out, HU; 0 leaves it as it
+  /// is.
+  double added_noise_hu = 0.0;
+};
+
+struct PhantomOptions {
+  SceneKind scene = SceneKind::kAgar;
+  std::uint64_t seed = 1;
+  AnatomyOptions anatomy;
+  CtOptions ct;
+  SweepOptions sweep;
+  UltrasoundOptions ultrasound;
+
+  /// Throws InputError naming the option, its value and its range.
+  void validate() const;
+};
+
+/// Truth is physical: where the tissue was when it was imaged. Errors of the acquisition (sound
+/// speed, motor, poses, lag) show as disagreement between image and truth, as they would in
+/// reality; they are not folded into it.
+struct PhantomTruth {
+  /// The rigid transform that maps the kidney's surface from CT to US with the least squared
+  /// distance; exact where nothing deforms.
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  /// Kidney surface: `targets_us_mm[i]` is where `targets_ct_mm[i]` was during the ultrasound,
+  /// deformation included.
+  std::vector<Eigen::Vector3d> targets_ct_mm;
+  std::vector<Eigen::Vector3d> targets_us_mm;
+  /// Root mean square and largest distance between `T_us_ct * targets_ct_mm` and `targets_us_mm`:
+  /// what no rigid registration can undo.
+  double rms_residual_mm = 0.0;
+  double max_residual_mm = 0.0;
+  /// Centres of the steel balls; empty where the scene has none.
+  std::vector<Eigen::Vector3d> fiducials_ct_mm;
+  std::vector<Eigen::Vector3d> fiducials_us_mm;
+  /// Where each frame really was; the pre-scan volume holds the recorded geometry.
+  ScanGeometry geometry;
+  /// For each frame the frame whose image it shows (its own index unless it is a duplicate).
+  std::vector<int> image_of_frame;
+};
+
+struct PhantomCase {
+  PhantomOptions options;
+  CtVolume ct;
+  /// `Tissue` of every CT voxel.
+  LabelVolume labels;
+  PreScanVolume ultrasound;
+  PhantomTruth truth;
+};
+
+/// A phantom case; the same options give the same bits, with any number of threads. Throws
+/// InputError for options out of range, and for the scene from-ct, which needs a CT.
+PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress = {});
+
+/// A phantom case whose anatomy is a CT; `options.scene` must be from-ct, `options.ct` is not used.
+PhantomCase make_phantom_from_ct(const CtAnatomyInput& input, const PhantomOptions& options,
+                                 const Progress& progress = {});
+
+/// Everything about a case except its voxels, as JSON: version, seed, options, truth, true geometry.
+std::string describe_json(const PhantomCase& phantom);
+
+}  // namespace usct::phantom

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace usct {
+
+/// 8-bit RGB, rows from the top, pixels[3 * (y * width + x) + channel].
+struct Picture {
+  using Colour = Eigen::Matrix<std::uint8_t, 3, 1>;
+
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> pixels;
+
+  Picture() = default;
+  Picture(int width_in, int height_in)
+      : width(width_in),
+        height(height_in),
+        pixels(3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {}
+
+  std::uint8_t* pixel(int x, int y) {
+    return pixels.data() + 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                                static_cast<std::size_t>(x));
+  }
+  const std::uint8_t* pixel(int x, int y) const { return const_cast<Picture*>(this)->pixel(x, y); }
+};
+
+/// Writes text with its lower left corner at (x, y), in white with a black edge.
+void draw_text(Picture& picture, const std::string& text, int x, int y);
+
+/// Pictures in rows and columns with a thin gap; each cell as large as the largest picture.
+Picture tile(const std::vector<std::vector<Picture>>& rows);
+
+/// Atomic. Throws InputError if the path does not end in .png or cannot be written.
+void write_png(const Picture& picture, const std::filesystem::path& path);
+
+}  // namespace usct

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "us_ct_registration/phantom/ultrasound_options.h"
+
+namespace usct::phantom {
+
+/// Width and wavefront of the two-way beam at one depth.
+struct BeamWidth {
+  float lateral_sigma_mm;
+  float elevation_sigma_mm;
+  /// Curvature of the transmitted wavefront, 1/mm; in elevation, of both ways together.
+  float lateral_curvature;
+  float elevation_curvature;
+  /// 1 over the root of the energy of the cross-section, relative to the narrowest: speckle of
+  /// one tissue is as bright at any depth.
+  float speckle_scale;
+  /// The same for a plane: 1 over the area of the cross-section.
+  float plane_scale;
+};
+
+/// The point spread of a focused array over depth: a transmit beam with a fixed focus, dynamic
+/// receive focusing with constant f-number up to the largest aperture, and a lens out of plane.
+class BeamProfile {
+ public:
+  BeamProfile(const UltrasoundOptions& options, double frequency_mhz, double transmit_focus_mm,
+              double sample_spacing_mm, double deepest_mm);
+
+  const BeamWidth& at(float depth_mm) const {
+    const int i = static_cast<int>(depth_mm * kStepsPerMm);
+    return table_[static_cast<std::size_t>(
+        std::clamp(i, 0, static_cast<int>(table_.size()) - 1))];
+  }
+  /// Half the aperture used to receive from a depth, mm.
+  double half_aperture_mm(double depth_mm) const;
+  double wavelength_mm() const { return wavelength_mm_; }
+  /// Of the pulse and of the filter before the samples are taken.
+  double axial_sigma_mm() const { return axial_sigma_mm_; }
+
+ private:
+  static constexpr float kStepsPerMm = 4.0F;
+
+  UltrasoundOptions options_;
+  double wavelength_mm_;
+  double axial_sigma_mm_;
+  std::vector<BeamWidth> table_;
+};
+
+}  // namespace usct::phantom

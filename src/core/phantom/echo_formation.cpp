@@ -1,0 +1,108 @@
+#include "phantom/echo_formation.h"
+
+#include <algorithm>
+
+#include "parallel.h"
+#include "phantom/frame_synthesis.h"
+#include "phantom/receiver.h"
+#include "phantom/scatterers.h"
+#include "phantom/stage.h"
+#include "phantom/tissue_raster.h"
+#include "phantom/transmission.h"
+#include "us_ct_registration/geometry/beam_grid.h"
+
+namespace usct::phantom {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+/// The true beams, in the probe frame.
+BeamGrid beams_in_probe_frame(const Acquisition& acquisition) {
+  BeamGrid beams = beam_grid(acquisition.truth);
+  const Isometry3d T_probe_us = acquisition.T_us_probe.inverse();
+  for (Beam& beam : beams.beams) {
+    beam.origin_mm = T_probe_us * beam.origin_mm;
+    beam.direction = T_probe_us.linear() * beam.direction;
+  }
+  return beams;
+}
+
+std::vector<Vector3d> apices(const BeamGrid& beams) {
+  std::vector<Vector3d> result;
+  const int step = std::max(1, beams.frames / 8);
+  for (int f = 0; f < beams.frames; f += step)
+    result.push_back(beams.beam(f, beams.lines / 2).origin_mm);
+  return result;
+}
+
+Isometry3d T_probe_frame(const Acquisition& acquisition, int frame) {
+  const double middle = 0.5 * (acquisition.truth.lines() - 1);
+  return acquisition.T_us_probe.inverse() * T_us_frame_of(acquisition.truth, frame, middle);
+}
+
+}  // namespace
+
+std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
+                               const Acquisition& acquisition, const UltrasoundOptions& options,
+                               std::uint64_t seed, const Progress& progress) {
+  const ScanGeometry& geometry = acquisition.truth;
+  options.validate(geometry.lines());
+  const double frequency_mhz = options.frequency_mhz.value_or(scene.suggested_frequency_mhz);
+  const double recorded_depth_mm = geometry.axial.depth_mm(geometry.samples() - 1);
+  // Echoes from beyond are shown within when the scanner assumes too low a speed.
+  const double deepest_mm =
+      std::max(recorded_depth_mm, recorded_depth_mm / (1.0 + options.sound_speed_error)) + 5.0;
+  const double kidney_depth_mm = (placement.probe_from_ct(scene.kidney_centre_ct_mm)).y();
+  const double focus_mm = options.transmit_focus_mm.value_or(std::max(10.0, kidney_depth_mm));
+  const BeamProfile profile(options, frequency_mhz, focus_mm, geometry.axial.spacing_mm,
+                            deepest_mm);
+
+  BeamGrid beams = beams_in_probe_frame(acquisition);
+  beams.axial.samples = static_cast<int>((deepest_mm - beams.axial.start_depth_mm) /
+                                         beams.axial.spacing_mm) + 1;
+  // Sound also passes what lies above the first sample.
+  beams.axial.samples += static_cast<int>(beams.axial.start_depth_mm / beams.axial.spacing_mm);
+  beams.axial.start_depth_mm = 0.0;
+
+  const ScannedBody body(scene, placement, apices(beams));
+  const TissueRaster raster(body, beams, stage(progress, 0.0, 0.25));
+  const ScattererField field = make_scatterers(body, raster, seed, stage(progress, 0.25, 0.45));
+  const AttenuationVolume attenuation(body, raster, beams, frequency_mhz, options.tissue_speeds);
+
+  std::vector<TransmissionMap> transmissions(static_cast<std::size_t>(geometry.frames()));
+  parallel_for(
+      geometry.frames(),
+      [&](int f) {
+        transmissions[static_cast<std::size_t>(f)] = make_transmission_map(
+            attenuation, profile, geometry.array, geometry.lines(), deepest_mm,
+            T_probe_frame(acquisition, f), options.elevation_aperture_mm);
+      },
+      stage(progress, 0.45, 0.6));
+
+  const FrameSynthesis synthesis(field, profile, options, geometry, acquisition.T_us_probe);
+  const Receiver receiver(options, frequency_mhz, geometry, transmissions, seed);
+  const std::size_t per_frame =
+      static_cast<std::size_t>(geometry.lines()) * static_cast<std::size_t>(geometry.samples());
+  std::vector<float> envelope(per_frame * static_cast<std::size_t>(geometry.frames()));
+  parallel_for(
+      geometry.frames(),
+      [&](int f) {
+        const auto n = static_cast<std::size_t>(f);
+        if (acquisition.image_of_frame[n] != f) return;
+        const std::vector<float> frame =
+            receiver.envelope(synthesis.echoes(f, transmissions[n]), f);
+        std::copy(frame.begin(), frame.end(),
+                  envelope.begin() + static_cast<std::ptrdiff_t>(n * per_frame));
+      },
+      stage(progress, 0.6, 1.0));
+  for (int f = 0; f < geometry.frames(); ++f) {
+    const int image = acquisition.image_of_frame[static_cast<std::size_t>(f)];
+    if (image != f)
+      std::copy_n(envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * image, per_frame,
+                  envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * f);
+  }
+  return envelope;
+}
+
+}  // namespace usct::phantom

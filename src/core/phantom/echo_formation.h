@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "phantom/deformation.h"
+#include "us_ct_registration/phantom/anatomy.h"
+#include "us_ct_registration/phantom/sweep.h"
+#include "us_ct_registration/phantom/ultrasound_options.h"
+#include "us_ct_registration/progress.h"
+
+namespace usct::phantom {
+
+/// The envelope of the received signal before compression: samples x lines x frames, samples
+/// fastest, linear; the speckle of renal cortex has a root mean square of 1 where gain and TGC are
+/// right.
+std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
+                               const Acquisition& acquisition, const UltrasoundOptions& options,
+                               std::uint64_t seed, const Progress& progress = {});
+
+}  // namespace usct::phantom

@@ -1,0 +1,121 @@
+#include "phantom/tissue_raster.h"
+
+#include <cmath>
+#include <limits>
+
+#include "parallel.h"
+
+namespace usct::phantom {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+// Air closer than this to the array's middle is filled with gel.
+constexpr double kCouplingMm = 60.0;
+constexpr double kStepMm = 2.0;
+
+Vector3i block_of(const Vector3d& p_ct_mm) {
+  return (p_ct_mm / TissueRaster::kBlockMm).array().floor().cast<int>();
+}
+
+/// Calls `visit(block)` for points all over the beams.
+template <typename Visit>
+void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& visit) {
+  const double last_mm = beams.axial.depth_mm(beams.samples() - 1);
+  for (int f = 0; f < beams.frames; ++f)
+    for (int l = 0; l < beams.lines; l += (l + 2 < beams.lines || l + 1 == beams.lines) ? 2 : 1)
+      for (double d = beams.axial.start_depth_mm; d < last_mm + kStepMm; d += kStepMm) {
+        const Beam& beam = beams.beam(f, l);
+        visit(block_of(body.placement().ct_from_probe(beam.origin_mm + d * beam.direction)));
+      }
+}
+
+}  // namespace
+
+ScannedBody::ScannedBody(const Scene& scene, const Placement& placement,
+                         std::vector<Vector3d> apices_probe_mm)
+    : scene_(scene), placement_(placement), apices_probe_mm_(std::move(apices_probe_mm)) {}
+
+Tissue ScannedBody::tissue(const Vector3d& p_ct_mm) const {
+  const Tissue tissue = scene_.anatomy->tissue(p_ct_mm);
+  if (tissue != Tissue::kAir) return tissue;
+  const Vector3d p = placement_.probe_from_ct(p_ct_mm);
+  for (const Vector3d& apex : apices_probe_mm_)
+    if ((p - apex).squaredNorm() < kCouplingMm * kCouplingMm) return Tissue::kGel;
+  return tissue;
+}
+
+TissueRaster::TissueRaster(const ScannedBody& body, const BeamGrid& beams,
+                           const Progress& progress) {
+  Vector3i low = Vector3i::Constant(std::numeric_limits<int>::max());
+  Vector3i high = Vector3i::Constant(std::numeric_limits<int>::min());
+  visit_beams(body, beams, [&](const Vector3i& block) {
+    low = low.cwiseMin(block);
+    high = high.cwiseMax(block);
+  });
+  // One block around for beams of finite width, one more for neighbouring nodes.
+  low.array() -= 2;
+  const Vector3i count = high - low + Vector3i::Constant(3);
+  const auto index = [&](const Vector3i& block) {
+    return (static_cast<std::size_t>(block.z()) * static_cast<std::size_t>(count.y()) +
+            static_cast<std::size_t>(block.y())) *
+               static_cast<std::size_t>(count.x()) +
+           static_cast<std::size_t>(block.x());
+  };
+  // 3: a beam passes; 2: next to such a block; 1: next to that.
+  std::vector<std::uint8_t> mark(
+      static_cast<std::size_t>(count.x()) * static_cast<std::size_t>(count.y()) *
+          static_cast<std::size_t>(count.z()),
+      0);
+  visit_beams(body, beams, [&](const Vector3i& block) { mark[index(block - low)] = 3; });
+  const auto spread = [&](std::uint8_t from) {
+    const std::vector<std::uint8_t> before = mark;
+    for (int k = 1; k + 1 < count.z(); ++k)
+      for (int j = 1; j + 1 < count.y(); ++j)
+        for (int i = 1; i + 1 < count.x(); ++i) {
+          if (before[index({i, j, k})] != from) continue;
+          for (int n = 0; n < 27; ++n) {
+            std::uint8_t& m = mark[index({i + n % 3 - 1, j + n / 3 % 3 - 1, k + n / 9 - 1})];
+            m = std::max<std::uint8_t>(m, static_cast<std::uint8_t>(from - 1));
+          }
+        }
+  };
+  spread(3);
+  spread(2);
+
+  first_ = low * kBlock;
+  size_ = count * kBlock;
+  tissue_.assign(mark.size() * kBlock * kBlock * kBlock, static_cast<std::uint8_t>(Tissue::kGel));
+  std::vector<Vector3i> evaluated;
+  for (int k = 0; k < count.z(); ++k)
+    for (int j = 0; j < count.y(); ++j)
+      for (int i = 0; i < count.x(); ++i) {
+        const std::uint8_t m = mark[index({i, j, k})];
+        const Vector3i first = (low + Vector3i(i, j, k)) * kBlock;
+        if (m >= 1) evaluated.push_back(first);
+        if (m >= 2) blocks_.push_back(first);
+      }
+  parallel_for(
+      static_cast<int>(evaluated.size()),
+      [&](int b) {
+        const Vector3i first = evaluated[static_cast<std::size_t>(b)];
+        for (int k = 0; k < kBlock; ++k)
+          for (int j = 0; j < kBlock; ++j)
+            for (int i = 0; i < kBlock; ++i) {
+              const Vector3i n = first + Vector3i(i, j, k);
+              tissue_[offset(n)] =
+                  static_cast<std::uint8_t>(body.tissue(kPitchMm * n.cast<double>()));
+            }
+      },
+      progress);
+}
+
+Tissue TissueRaster::nearest(const Vector3d& p_ct_mm) const {
+  const Vector3i n = (p_ct_mm / kPitchMm).array().round().cast<int>();
+  const Vector3i local = n - first_;
+  if ((local.array() < 0).any() || (local.array() >= size_.array()).any()) return Tissue::kGel;
+  return node(n);
+}
+
+}  // namespace usct::phantom

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "phantom/deformation.h"
+#include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/phantom/anatomy.h"
+#include "us_ct_registration/progress.h"
+
+namespace usct::phantom {
+
+/// What the probe sees: the anatomy where it was during the ultrasound, with gel for the air
+/// between array and skin.
+class ScannedBody {
+ public:
+  /// `apices_probe_mm`: middles of the array's surface along the sweep, in the probe frame.
+  ScannedBody(const Scene& scene, const Placement& placement,
+              std::vector<Eigen::Vector3d> apices_probe_mm);
+
+  const Scene& scene() const { return scene_; }
+  const Placement& placement() const { return placement_; }
+  Tissue tissue(const Eigen::Vector3d& p_ct_mm) const;
+
+ private:
+  const Scene& scene_;
+  const Placement& placement_;
+  std::vector<Eigen::Vector3d> apices_probe_mm_;
+};
+
+/// Tissue at the nodes of a lattice that is fixed in CT coordinates, wherever beams pass. The node
+/// (i, j, k) lies at `kPitchMm * (i, j, k)`, whatever is scanned: scatterers that hang on the
+/// lattice stay in place.
+class TissueRaster {
+ public:
+  static constexpr double kPitchMm = 0.6;
+  static constexpr int kBlock = 8;  // nodes per axis
+  static constexpr double kBlockMm = kPitchMm * kBlock;
+
+  /// `beams` in the probe frame.
+  TissueRaster(const ScannedBody& body, const BeamGrid& beams, const Progress& progress);
+
+  /// The first nodes of the blocks that beams pass through or close by.
+  const std::vector<Eigen::Vector3i>& blocks() const { return blocks_; }
+
+  /// Tissue of the node, which must belong to a block or be next to one.
+  Tissue node(const Eigen::Vector3i& n) const {
+    return static_cast<Tissue>(tissue_[offset(n)]);
+  }
+  /// Tissue at the nearest node; gel (transparent) away from the beams.
+  Tissue nearest(const Eigen::Vector3d& p_ct_mm) const;
+
+ private:
+  std::size_t offset(const Eigen::Vector3i& n) const {
+    const Eigen::Vector3i local = n - first_;
+    return (static_cast<std::size_t>(local.z()) * static_cast<std::size_t>(size_.y()) +
+            static_cast<std::size_t>(local.y())) *
+               static_cast<std::size_t>(size_.x()) +
+           static_cast<std::size_t>(local.x());
+  }
+
+  Eigen::Vector3i first_;  // node
+  Eigen::Vector3i size_;   // nodes
+  std::vector<std::uint8_t> tissue_;
+  std::vector<Eigen::Vector3i> blocks_;
+};
+
+}  // namespace usct::phantom

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <optional>
+#include <vector>
+
+#include "us_ct_registration/phantom/tissue.h"
+
+namespace usct::phantom {
+
+/// Branching tubes of varying radius, looked up through a raster of cells.
+class TubeTree {
+ public:
+  /// A tapered piece with round ends. Tubes added first win where they overlap.
+  void add(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& to_mm, double radius_from_mm,
+           double radius_to_mm, Tissue tissue);
+  /// A smooth curve through the points (Catmull-Rom).
+  void add_curve(const std::vector<Eigen::Vector3d>& points_mm, double radius_from_mm,
+                 double radius_to_mm, Tissue tissue);
+  /// To be called once, after the last tube.
+  void build_raster();
+
+  struct Hit {
+    Tissue tissue;
+    double depth_mm;  // below the tube's wall
+  };
+  std::optional<Hit> find(const Eigen::Vector3d& p_mm) const;
+
+ private:
+  struct Segment {
+    Eigen::Vector3d from_mm;
+    Eigen::Vector3d axis;  // to - from
+    double axis_squared;
+    double radius_from_mm;
+    double radius_to_mm;
+    Tissue tissue;
+  };
+  std::vector<Segment> segments_;
+  Eigen::AlignedBox3d box_;
+  Eigen::Vector3i cells_ = Eigen::Vector3i::Zero();
+  std::vector<std::vector<int>> segments_of_cell_;
+};
+
+}  // namespace usct::phantom

@@ -1,0 +1,161 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "commands.h"
+#include "convert_ultrasound.h"
+#include "exit_status.h"
+#include "inputs.h"
+#include "progress_bar.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/file_kind.h"
+#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/result_io.h"
+#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/volume/operations.h"
+
+namespace usct::tools {
+namespace {
+
+struct ConvertOptions {
+  std::string input;
+  std::string output;
+  DicomReadOptions dicom;
+  bool reorient = false;
+  std::string along_beams;
+  std::string transform;
+  std::vector<double> window_hu;
+  UltrasoundConversion ultrasound;
+  bool quiet = false;
+};
+
+/// Inverse scan conversion: the volume along the beams of an acquisition, in 8 bits.
+template <typename T>
+PreScanVolume along_beams(const Volume<T>& volume, const ConvertOptions& options) {
+  if (options.window_hu.empty())
+    throw InputError("--along-beams",
+                     "needs --window, the values that become 0 and 255 in the 8-bit result");
+  const double low = options.window_hu[0];
+  const double high = options.window_hu[1];
+  if (!(low < high))
+    throw InputError("--window",
+                     "is " + std::to_string(low) + " to " + std::to_string(high) + ", must rise");
+  PreScanVolume result = read_prescan_nrrd(options.along_beams);
+  Eigen::Isometry3d T_volume_us = Eigen::Isometry3d::Identity();
+  if (!options.transform.empty()) T_volume_us = read_T_us_ct(options.transform).inverse();
+  const std::vector<float> samples = sample_along_beams(
+      volume, beam_grid(result.geometry), T_volume_us, Interpolation::kTrilinear,
+      Outside::constant(static_cast<float>(low)), progress_bar("along beams", options.quiet));
+  std::transform(samples.begin(), samples.end(), result.voxels.begin(), [&](float value) {
+    const double scaled = 255.0 * (value - low) / (high - low);
+    return static_cast<std::uint8_t>(std::clamp(std::nearbyint(scaled), 0.0, 255.0));
+  });
+  return result;
+}
+
+template <typename T>
+void convert_volume(const Volume<T>& volume, const ConvertOptions& options) {
+  if (!options.along_beams.empty())
+    write_prescan_nrrd(along_beams(volume, options), options.output);
+  else
+    write_volume(options.reorient ? reorient_to_axes(volume) : volume, options.output);
+}
+
+/// In the type that holds the stored values.
+void convert_volume_file(const ConvertOptions& options) {
+  const std::string component = read_volume_info(options.input).component;
+  if (component == "uint8")
+    convert_volume(read_volume<std::uint8_t>(options.input), options);
+  else if (component == "uint16")
+    convert_volume(read_volume<std::uint16_t>(options.input), options);
+  else if (component.rfind("float", 0) == 0)
+    convert_volume(read_volume<float>(options.input), options);
+  else
+    convert_volume(read_volume<std::int16_t>(options.input), options);
+}
+
+void convert_transform(FileKind kind, const ConvertOptions& options) {
+  if (kind == FileKind::kTransform) {
+    write_T_us_ct(read_T_us_ct(options.input), options.output);
+    return;
+  }
+  const RegistrationResult result = read_result(options.input);
+  if (!result.T_us_ct)
+    throw InputError(options.input, std::string("holds no transform: its status is '") +
+                                        status_name(result.status) + "' (" + result.message + ")");
+  write_T_us_ct(*result.T_us_ct, options.output);
+}
+
+int run_convert(const ConvertOptions& options) {
+  const FileKind kind = detect_file_kind(options.input);
+  switch (kind) {
+    case FileKind::kDicom:
+      convert_volume(read_ct_with_warnings(options.input, options.dicom,
+                                           progress_bar("reading", options.quiet)),
+                     options);
+      break;
+    case FileKind::kVolume:
+      convert_volume_file(options);
+      break;
+    case FileKind::kPreScan:
+    case FileKind::kIgsio:
+    case FileKind::kUltrasonix:
+    case FileKind::kPropello:
+      convert_ultrasound(options.input, options.output, options.ultrasound, options.quiet);
+      break;
+    case FileKind::kTransform:
+    case FileKind::kResult:
+      convert_transform(kind, options);
+      break;
+    case FileKind::kPoints:
+    case FileKind::kProbe:
+      throw InputError(options.input, "is a " + file_kind_name(kind) +
+                                          ", which has one format only: nothing to convert");
+  }
+  std::printf("%s\n", options.output.c_str());
+  return kDone;
+}
+
+}  // namespace
+
+void add_convert_command(CLI::App& app, Run& run) {
+  CLI::App* command = app.add_subcommand(
+      "convert",
+      "Converts between the files that 'usct info' knows; the output's extension says the format.\n"
+      "  CT or volume      -> .nrrd .mha .mhd .nii .nii.gz\n"
+      "  ultrasound        -> .nrrd (pre-scan), .bpr, .vol, .igs.mha; with --scan-convert a "
+      "volume\n"
+      "  CT or volume      -> .nrrd (pre-scan) with --along-beams: inverse scan conversion\n"
+      "  transform, result -> .tfm .txt .h5\n"
+      "Millimetres and degrees; CT in LPS, ultrasound in the US frame (x lateral, y axial, z "
+      "elevation).");
+  auto options = std::make_shared<ConvertOptions>();
+  command->add_option("input", options->input, "file or DICOM folder")->required();
+  command->add_option("output", options->output, "file to write")->required();
+
+  CLI::App* dicom = command->add_option_group("DICOM");
+  dicom->add_option("--series", options->dicom.series_uid,
+                    "SeriesInstanceUID, where a folder holds several CT series");
+  dicom->add_option("--acquisition", options->dicom.acquisition_number,
+                    "AcquisitionNumber, where a series holds several scans of the same place");
+  dicom->add_flag("--resample-irregular", options->dicom.resample_irregular,
+                  "resample gantry tilt, uneven and missing slices onto a regular grid instead of "
+                  "refusing them");
+
+  CLI::App* volume = command->add_option_group("Volumes");
+  volume->add_flag("--reorient", options->reorient,
+                   "permute and flip the axes to be as close to x, y, z as they can");
+  volume->add_option("--along-beams", options->along_beams,
+                     "pre-scan file whose beams the volume is sampled along");
+  volume->add_option("--transform", options->transform,
+                     "ITK transform from US to volume points, for --along-beams (identity if not "
+                     "given)");
+  volume->add_option("--window", options->window_hu, "values that become 0 and 255")->expected(2);
+
+  options->ultrasound.add_to(*command);
+  command->add_flag("--quiet", options->quiet, "no progress bar");
+  command->callback([options, &run] { run = [options] { return run_convert(*options); }; });
+}
+
+}  // namespace usct::tools

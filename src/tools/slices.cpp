@@ -1,0 +1,115 @@
+#include "us_ct_registration/rendering/slices.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <numeric>
+
+#include "commands.h"
+#include "exit_status.h"
+#include "inputs.h"
+#include "progress_bar.h"
+#include "ultrasound_options.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/points_io.h"
+#include "us_ct_registration/io/transform_io.h"
+
+namespace usct::tools {
+namespace {
+
+struct SlicesOptions {
+  std::string us;
+  UltrasoundOptions ultrasound;
+  std::string ct;
+  std::string transform;
+  std::string output;
+  std::vector<double> at_mm;
+  std::string points;
+  double pixel_mm = 0.4;
+  std::vector<double> window_hu{CtWindow{}.low_hu, CtWindow{}.high_hu};
+  bool quiet = false;
+};
+
+constexpr int kCheckerboardSquares = 6;
+constexpr double kPointDistanceMm = 0.75;
+const Picture::Colour kPointColour(255, 60, 60);
+
+Eigen::Vector3d centre(const SlicesOptions& options, const Grid& grid,
+                       const std::vector<Eigen::Vector3d>& points_us_mm) {
+  if (!options.at_mm.empty()) return {options.at_mm[0], options.at_mm[1], options.at_mm[2]};
+  if (points_us_mm.empty()) return grid.centre_mm();
+  const Eigen::Vector3d sum =
+      std::accumulate(points_us_mm.begin(), points_us_mm.end(), Eigen::Vector3d(0, 0, 0));
+  return sum / static_cast<double>(points_us_mm.size());
+}
+
+/// One row of the sheet: ultrasound, CT, both blended, both as a checkerboard.
+std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
+                         const Eigen::Isometry3d& T_us_ct, CtWindow window, const SlicePlane& plane,
+                         const std::vector<Eigen::Vector3d>& points_us_mm) {
+  const Picture ultrasound = render_us(us.volume, us.mask, plane);
+  const Picture computed = render_ct(ct, T_us_ct, window, plane);
+  const int square = std::max(1, plane.width / kCheckerboardSquares);
+  std::vector<Picture> pictures{ultrasound, computed, blend(ultrasound, computed),
+                                checkerboard(ultrasound, computed, square)};
+  const char* kinds[] = {"US", "CT", "US cyan, CT orange", "US and CT"};
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    draw_points(pictures[i], plane, points_us_mm, kPointDistanceMm, kPointColour);
+    draw_text(pictures[i], plane.name + ": " + kinds[i], 6, 16);
+  }
+  return pictures;
+}
+
+int run_slices(const SlicesOptions& options) {
+  const ScanConverted us = in_space(
+      read_ultrasound_with_warnings(options.ultrasound.source(options.us)), options.pixel_mm,
+      options.ultrasound.compounding(), progress_bar("scan conversion", options.quiet));
+  const CtVolume ct = read_ct_with_warnings(options.ct);
+  const Eigen::Isometry3d T_us_ct =
+      options.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(options.transform);
+  std::vector<Eigen::Vector3d> points_us_mm;
+  if (!options.points.empty()) points_us_mm = read_points_mm(options.points);
+
+  std::vector<std::vector<Picture>> rows;
+  for (const SlicePlane& plane : orthogonal_planes(
+           us.volume.grid, centre(options, us.volume.grid, points_us_mm), options.pixel_mm))
+    rows.push_back(
+        row(us, ct, T_us_ct, {options.window_hu[0], options.window_hu[1]}, plane, points_us_mm));
+  write_png(tile(rows), options.output);
+  std::printf("%s\n", options.output.c_str());
+  return kDone;
+}
+
+}  // namespace
+
+void add_slices_command(CLI::App& app, Run& run) {
+  CLI::App* command = app.add_subcommand(
+      "slices",
+      "Draws ultrasound and CT on three orthogonal planes of the US frame: ultrasound, CT, both "
+      "blended, both as a checkerboard. Millimetres; x lateral, y axial (away from the probe), z "
+      "elevation.");
+  auto options = std::make_shared<SlicesOptions>();
+  command->add_option("--us", options->us, "ultrasound of any kind that 'usct info' knows")
+      ->required();
+  command->add_option("--ct", options->ct, "DICOM folder or file, NRRD, MetaImage or NIfTI")
+      ->required();
+  command->add_option("--transform", options->transform,
+                      "ITK transform from US to CT points, mm, LPS (identity if not given)");
+  command->add_option("--output", options->output, "picture to write, .png")->required();
+  CLI::Option* at = command->add_option("--at", options->at_mm,
+                                        "point of the US frame that the planes meet in, mm");
+  at->expected(3);
+  command->add_option("--points", options->points,
+                      "CSV x,y,z of points in the US frame (mm) to draw where they meet a plane; "
+                      "the planes meet in their mean unless --at is given");
+  command->add_option("--pixel", options->pixel_mm, "size of a pixel, mm")
+      ->check(CLI::Range(0.05, 10.0))
+      ->capture_default_str();
+  command->add_option("--window", options->window_hu, "HU drawn black and white")
+      ->expected(2)
+      ->capture_default_str();
+  options->ultrasound.add_to(*command);
+  command->add_flag("--quiet", options->quiet, "no progress bar");
+  command->callback([options, &run] { run = [options] { return run_slices(*options); }; });
+}
+
+}  // namespace usct::tools

@@ -1,0 +1,263 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "core/tools/run_usct.h"
+#include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/io/points_io.h"
+#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/result_io.h"
+#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/volume/sampling.h"
+
+namespace usct::test {
+namespace {
+
+constexpr double kRad = 3.14159265358979323846 / 180.0;
+
+/// A small motorised acquisition whose brightness is a smooth function of position.
+double brightness(const Eigen::Vector3d& p_us) {
+  return 120.0 + 60.0 * std::sin(0.1 * p_us.x()) + 40.0 * std::cos(0.08 * p_us.z() + 0.5) -
+         0.5 * (p_us.y() - 70.0);
+}
+
+PreScanVolume smooth_acquisition() {
+  PreScanVolume volume;
+  volume.geometry.axial = {60, 5.0, 1.0};
+  volume.geometry.array = CurvilinearArray{40.0, centred_table(48, 1.2 * kRad)};
+  volume.geometry.motion = MotorSweep{27.25, centred_table(40, 1.4634 * kRad), 0.0};
+  const BeamGrid beams = beam_grid(volume.geometry);
+  for (int f = 0; f < beams.frames; ++f)
+    for (int l = 0; l < beams.lines; ++l)
+      for (int s = 0; s < beams.samples(); ++s)
+        volume.voxels.push_back(
+            static_cast<std::uint8_t>(std::nearbyint(brightness(beams.point(f, l, s)))));
+  return volume;
+}
+
+class Cli : public testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+
+  /// Runs usct and expects it to succeed.
+  std::string run(const std::vector<std::string>& arguments) const {
+    const Outcome outcome = run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 0) << outcome.errors;
+    return outcome.output;
+  }
+
+  /// Runs usct and expects it to refuse, naming `named`.
+  void expect_refused(const std::vector<std::string>& arguments, const std::string& named) const {
+    const Outcome outcome = run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2) << outcome.errors;
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
+  for (const char* command : {"info", "convert", "phantom", "slices", "calibrate-motor"}) {
+    const std::string help = run({command, "--help"});
+    EXPECT_NE(help.find("mm"), std::string::npos) << command;
+  }
+  EXPECT_NE(run({"convert", "--help"}).find("US frame (x lateral"), std::string::npos);
+}
+
+TEST_F(Cli, BadArgumentsEndWithStatusTwo) {
+  expect_refused({}, "A subcommand is required");
+  expect_refused({"registre"}, "subcommand");
+  expect_refused({"info"}, "path");
+  expect_refused({"info", path("absent.nrrd")}, path("absent.nrrd") + ": does not exist");
+  expect_refused({"convert", path("absent.nrrd"), path("out.nrrd"), "--scan-convert", "0"}, "0.05");
+}
+
+TEST_F(Cli, InfoOfAnAcquisitionIsWhatWasWritten) {
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  const auto json = nlohmann::json::parse(run({"info", "--json", path("us.nrrd")}));
+  EXPECT_EQ(json["geometry"], "motorised curvilinear");
+  EXPECT_EQ(json["samples_lines_frames"], (nlohmann::json{60, 48, 40}));
+  EXPECT_EQ(json["probe_radius_mm"], 40.0);
+  EXPECT_EQ(json["depth_mm"], (nlohmann::json{5.0, 64.0}));
+  EXPECT_NEAR(json["line_angles_deg"][0].get<double>(), -28.2, 1e-9);
+  EXPECT_NEAR(json["frame_angles_deg_steps"][1].get<double>(), 1.4634, 1e-9);
+  EXPECT_TRUE(json["warnings"].empty()) << json["warnings"];
+}
+
+TEST_F(Cli, InfoWarnsOfRepeatedFramesAndSaturation) {
+  PreScanVolume volume = smooth_acquisition();
+  const std::size_t frame = volume.offset(0, 0, 1);
+  for (std::size_t i = 0; i < frame; ++i) {
+    volume.voxels[3 * frame + i] = volume.voxels[2 * frame + i];
+    volume.voxels[10 * frame + i] = 255;
+    volume.voxels[20 * frame + i] = 255;
+  }
+  write_prescan_nrrd(volume, path("us.nrrd"));
+  const auto json = nlohmann::json::parse(run({"info", "--json", path("us.nrrd")}));
+  EXPECT_EQ(json["warnings"],
+            (nlohmann::json{"5 % of the samples are saturated (255)",
+                            "1 of 40 frames repeat the image of the frame before"}));
+}
+
+TEST_F(Cli, ScanConversionAndItsInverseKeepWhatIsWhere) {
+  const PreScanVolume original = smooth_acquisition();
+  write_prescan_nrrd(original, path("us.nrrd"));
+  run({"convert", path("us.nrrd"), path("space.nrrd"), "--scan-convert", "0.7", "--mask",
+       path("mask.nrrd"), "--quiet"});
+  const auto space = read_volume<std::uint8_t>(path("space.nrrd"));
+  const auto mask = read_volume<std::uint8_t>(path("mask.nrrd"));
+  ASSERT_TRUE(same_grid(space.grid, mask.grid));
+  int known = 0;
+  for (int k = 0; k < space.grid.size.z(); ++k)
+    for (int j = 0; j < space.grid.size.y(); ++j)
+      for (int i = 0; i < space.grid.size.x(); ++i) {
+        if (mask.at(i, j, k) == 0) continue;
+        ++known;
+        // Interpolation between samples up to 2.7 mm apart, and the repeated edge of half a frame.
+        EXPECT_NEAR(space.at(i, j, k),
+                    brightness(space.grid.physical_from_index(Eigen::Vector3d(i, j, k))), 6.0);
+      }
+  EXPECT_GT(known, 100000);
+
+  run({"convert", path("space.nrrd"), path("back.nrrd"), "--along-beams", path("us.nrrd"),
+       "--window", "0", "255", "--quiet"});
+  const PreScanVolume back = read_prescan_nrrd(path("back.nrrd"));
+  for (int f = 2; f < 38; ++f)
+    for (int l = 2; l < 46; ++l)
+      for (int s = 2; s < 58; ++s) EXPECT_NEAR(back.at(s, l, f), original.at(s, l, f), 3);
+}
+
+TEST_F(Cli, VolumesKeepTheirVoxelsInSpaceThroughEveryFormat) {
+  Grid grid;
+  grid.size = {5, 6, 7};
+  grid.spacing_mm = {0.5, 0.75, 2.0};
+  grid.origin_mm = {-12.5, 33.25, 700.0};
+  grid.direction = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 1, 0).normalized()).matrix();
+  grid.direction.col(0).swap(grid.direction.col(2));
+  CtVolume ct(grid);
+  for (std::size_t i = 0; i < ct.voxels.size(); ++i)
+    ct.voxels[i] = static_cast<std::int16_t>(7 * static_cast<int>(i) - 900);
+  write_volume(ct, path("a.nrrd"));
+  run({"convert", path("a.nrrd"), path("b.mha")});
+  run({"convert", path("b.mha"), path("c.mhd")});
+  run({"convert", path("c.mhd"), path("d.nii.gz"), "--reorient"});
+  run({"convert", path("d.nii.gz"), path("e.nrrd")});
+  const CtVolume result = read_volume<std::int16_t>(path("e.nrrd"));
+  for (int k = 0; k < 7; ++k)
+    for (int j = 0; j < 6; ++j)
+      for (int i = 0; i < 5; ++i)
+        EXPECT_EQ(sample(result, grid.physical_from_index(Eigen::Vector3d(i, j, k)),
+                         Interpolation::kNearest, Outside::constant(-9999)),
+                  ct.at(i, j, k));
+}
+
+TEST_F(Cli, ARecordingAndItsProbeGiveTheAcquisitionBack) {
+  PreScanVolume volume = smooth_acquisition();
+  volume.geometry.axial = {60, 0.0, 0.308};  // 1540 m/s at 2.5 MHz
+  write_prescan_nrrd(volume, path("us.nrrd"));
+  std::ofstream(path("probe.yaml")) << "name: test\nkind: motorised_curvilinear\n"
+                                       "probe_radius_mm: 40\nmotor_radius_mm: 27.25\n"
+                                       "lines: 48\nline_pitch_deg: 1.2\n"
+                                       "motor_step_deg: 0.18292500001\nmotor_steps_per_frame: 8\n"
+                                       "start_depth_mm: 0\nsample_spacing_mm: 0.308\n";
+  for (const char* name : {"us.bpr", "us.vol"}) {
+    run({"convert", path("us.nrrd"), path(name)});
+    run({"convert", path(name), path("back.nrrd"), "--probe", path("probe.yaml")});
+    const PreScanVolume back = read_prescan_nrrd(path("back.nrrd"));
+    EXPECT_EQ(back.voxels, volume.voxels);
+    const ScanIndex corner{59, 47, 39};
+    EXPECT_LT((us_from_scan(back.geometry, corner) - us_from_scan(volume.geometry, corner)).norm(),
+              1e-6);
+  }
+  expect_refused({"convert", path("us.bpr"), path("x.nrrd")}, "a probe YAML is needed");
+  EXPECT_FALSE(std::filesystem::exists(path("x.nrrd")));
+}
+
+TEST_F(Cli, ATrackedSweepSurvivesASequenceFile) {
+  PreScanVolume volume;
+  volume.geometry.axial = {40, 0.0, 0.5};
+  volume.geometry.array = LinearArray{centred_table(16, 0.75)};
+  TrackedSweep sweep;
+  for (int f = 0; f < 5; ++f) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::AngleAxisd(0.1 * f, Eigen::Vector3d(1, 2, 3).normalized()).matrix();
+    T.translation() = Eigen::Vector3d(1.5 * f, 3, -2);
+    sweep.T_us_frame.push_back(T);
+    sweep.frame_times_s.push_back(10.0 + 0.04 * f);
+  }
+  volume.geometry.motion = sweep;
+  for (int i = 0; i < 40 * 16 * 5; ++i) volume.voxels.push_back(static_cast<std::uint8_t>(i % 251));
+  write_prescan_nrrd(volume, path("us.nrrd"));
+  std::ofstream(path("probe.yaml")) << "name: test\nkind: linear\nlines: 16\nline_pitch_mm: 0.75\n"
+                                       "start_depth_mm: 0\nsample_spacing_mm: 0.5\n";
+  run({"convert", path("us.nrrd"), path("us.igs.mha")});
+  run({"convert", path("us.igs.mha"), path("back.nrrd"), "--probe", path("probe.yaml")});
+  const PreScanVolume back = read_prescan_nrrd(path("back.nrrd"));
+  EXPECT_EQ(back.voxels, volume.voxels);
+  const auto& poses = std::get<TrackedSweep>(back.geometry.motion);
+  for (std::size_t f = 0; f < 5; ++f) {
+    EXPECT_TRUE(poses.T_us_frame[f].isApprox(sweep.T_us_frame[f], 1e-9));
+    EXPECT_NEAR(poses.frame_times_s[f], sweep.frame_times_s[f], 1e-9);
+  }
+}
+
+TEST_F(Cli, OnlyARegisteredResultBecomesATransform) {
+  RegistrationResult result;
+  result.message = "no overlap";
+  result.status = RegistrationStatus::kNoOverlap;
+  write_result(result, path("refused.json"));
+  expect_refused({"convert", path("refused.json"), path("out.tfm")}, "no_overlap");
+  EXPECT_FALSE(std::filesystem::exists(path("out.tfm")));
+
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  T_us_ct.linear() = Eigen::AngleAxisd(1.0, Eigen::Vector3d(3, -1, 2).normalized()).matrix();
+  T_us_ct.translation() = Eigen::Vector3d(10, -20, 30);
+  result.status = RegistrationStatus::kRegistered;
+  result.T_us_ct = T_us_ct;
+  write_result(result, path("good.json"));
+  run({"convert", path("good.json"), path("out.tfm")});
+  run({"convert", path("out.tfm"), path("out.h5")});
+  EXPECT_TRUE(read_T_us_ct(path("out.h5")).isApprox(T_us_ct, 1e-12));
+}
+
+TEST_F(Cli, AFailedConversionLeavesTheOldFileAlone) {
+  std::ofstream(path("target.nrrd")) << "precious";
+  std::ofstream(path("broken.nrrd")) << "NRRD0004\ntype: short\ndimension: 3\nsizes: 9 9 9\n\n";
+  expect_refused({"convert", path("broken.nrrd"), path("target.nrrd")}, "broken.nrrd");
+  EXPECT_EQ(read_text(path("target.nrrd")), "precious");
+  int files = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_.path()))
+    ++files;
+  EXPECT_EQ(files, 2) << "a temporary file was left behind";
+}
+
+TEST_F(Cli, SlicesDrawsThreePlanesOfFourPictures) {
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  Grid grid;
+  grid.size = {60, 60, 60};
+  grid.origin_mm = {-30, 45, -30};
+  write_volume(CtVolume(grid, 340), path("ct.nrrd"));
+  write_points_mm({{0, 70, 0}, {1, 72, 0}}, path("points.csv"));
+  run({"slices", "--us", path("us.nrrd"), "--ct", path("ct.nrrd"), "--points", path("points.csv"),
+       "--output", path("sheet.png"), "--pixel", "1", "--quiet"});
+  const cv::Mat sheet = cv::imread(path("sheet.png"));
+  ASSERT_FALSE(sheet.empty());
+  // The white CT takes its share of the second column, the red points are drawn.
+  const cv::Mat second_column = sheet.colRange(sheet.cols / 4, sheet.cols / 2);
+  int white = 0;
+  int red = 0;
+  for (int y = 0; y < sheet.rows; ++y) {
+    for (int x = 0; x < second_column.cols; ++x)
+      white += second_column.at<cv::Vec3b>(y, x) == cv::Vec3b(255, 255, 255) ? 1 : 0;
+    for (int x = 0; x < sheet.cols; ++x)
+      red += sheet.at<cv::Vec3b>(y, x) == cv::Vec3b(60, 60, 255) ? 1 : 0;
+  }
+  EXPECT_GT(white, 3 * 40 * 40);
+  EXPECT_GT(red, 8);
+}
+
+}  // namespace
+}  // namespace usct::test

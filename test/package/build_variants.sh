@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# Builds and installs the package in each way that README promises, then a package that uses it.
+#   build_variants.sh PROJECT BUILD_FOLDER cmake|core_only|catkin_make|catkin_build
+# `cmake` installs what BUILD_FOLDER holds; the others build from a copy in a temporary folder.
+set -euo pipefail
+project=$1 build=$2 variant=$3
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+source_dir=$work/ws/src/us_ct_registration
+# Lets ccache know a file again at another place.
+export CCACHE_BASEDIR=$work CCACHE_NOHASHDIR=1
+
+copy_sources() {  # only what git knows or would add: as a user's checkout
+  mkdir -p "$source_dir"
+  (cd "$project" && git ls-files -z --cached --others --exclude-standard | xargs -0 cp --parents -t "$source_dir")
+}
+
+use_from() {  # use_from PREFIX: builds and runs the downstream package against it
+  cmake -S "$project/test/package/downstream" -B "$work/downstream" -G Ninja -DCMAKE_PREFIX_PATH="$1"
+  cmake --build "$work/downstream"
+  LD_LIBRARY_PATH="$1/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" "$work/downstream/downstream"
+  "$1/bin/usct" --help > /dev/null
+}
+
+case $variant in
+  cmake)
+    cmake --install "$build" --prefix "$work/prefix"
+    use_from "$work/prefix" ;;
+  core_only)
+    copy_sources
+    cmake -S "$source_dir" -B "$source_dir/build" -G Ninja -DUSCT_CORE_ONLY=ON \
+      -DCMAKE_INSTALL_PREFIX="$work/prefix" -DCMAKE_INSTALL_LIBDIR=lib
+    cmake --build "$source_dir/build" --target all test_geometry test_volume
+    ctest --test-dir "$source_dir/build" --output-on-failure --no-tests=error -R '^test_(geometry|volume)$'
+    cmake --build "$source_dir/build" --target install
+    use_from "$work/prefix" ;;
+  # Debug compiles fastest, and is built nowhere else.
+  catkin_make)
+    copy_sources
+    (cd "$work/ws" && catkin_make --use-ninja -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF install)
+    use_from "$work/ws/install" ;;
+  catkin_build)
+    copy_sources
+    # Both packages in one workspace: the second finds the first as a catkin component.
+    cp -r "$project/test/package/downstream" "$work/ws/src/"
+    (cd "$work/ws" && catkin config --init --install \
+      --cmake-args -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF &&
+      catkin build --no-status && set +u && . install/setup.sh && downstream)
+    use_from "$work/ws/install" ;;
+  *) echo "unknown variant '$variant'" >&2; exit 2 ;;
+esac
