@@ -71,8 +71,10 @@ struct SweepBounds {
     const double edge =
         std::max(std::abs(interpolate_table(array.line_angles_rad, -0.5)),
                  std::abs(interpolate_table(array.line_angles_rad, geometry.lines() - 0.5)));
-    H_min = (array.probe_radius_mm + geometry.axial.depth_mm(-0.5)) * std::cos(edge);
+    const double h_min = array.probe_radius_mm + geometry.axial.depth_mm(-0.5);
     h_max = array.probe_radius_mm + geometry.axial.depth_mm(geometry.samples() - 0.5);
+    // Half a line beyond the last may be more than 90 degrees if lines are few.
+    H_min = std::min(h_min * std::cos(edge), h_max * std::cos(edge));
   }
 };
 

@@ -126,7 +126,10 @@ RC_GTEST_PROP(ScanConvert, MaskIsTheAcquiredFan, ()) {
     // Behind the motor axis, or half a turn beyond the sweep, a point has another index as well.
     const double theta = interpolate_table(array.line_angles_rad, index.line);
     const double phi = motor_angle_rad(sweep, geometry.lines(), index.frame, index.line);
-    if (in_frame.y() <= axis_y + 1e-6 || std::abs(theta) > 3.1 || std::abs(phi) > 3.1) continue;
+    if (in_frame.y() <= axis_y + 1e-3 || std::abs(theta) > 3.1 || std::abs(phi) > 3.1) continue;
+    RC_LOG() << "height over the motor axis " << in_frame.y() - axis_y << " mm, index "
+             << index.sample << " " << index.line << " " << index.frame << " theta " << theta
+             << " phi " << phi << "\n";
     for (const bool oblique : {false, true}) {
       if (oblique) grid.direction = test::random_rotation();
       const ScanConverted result = scan_convert(prescan, grid, Interpolation::kNearest);
