@@ -148,7 +148,7 @@ std::string take_image_type(Fields& fields, const std::string& source) {
 
 IgsioFrame parse_frame(const Fields& fields, int number, const std::string& source) {
   IgsioFrame frame;
-  const std::string where = "frame " + std::to_string(number) + " ";
+  std::string where = "frame " + std::to_string(number) + " ";
   for (const auto& [name, value] : fields) {
     if (name == "Timestamp")
       frame.timestamp_s = parse_double(value, source, where + name);
@@ -163,9 +163,10 @@ IgsioFrame parse_frame(const Fields& fields, int number, const std::string& sour
       frame.fields.emplace(name, value);
   }
   for (const auto& [name, transform] : frame.transforms) {
-    const std::string field = name + std::string(kTransform);
+    std::string field = name;
+    field += kTransform;
     if (fields.count(field) == 0)
-      throw InputError(source, where + "has " + field + "Status, but no " + field);
+      throw InputError(source, where.append("has a status, but no field ").append(field));
   }
   return frame;
 }
