@@ -12,9 +12,10 @@ function(usct_add_gtest name)
   endif()
   target_include_directories(${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src/core)
-  target_include_directories(${name} SYSTEM PRIVATE ${ITK_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
+  target_include_directories(${name} SYSTEM PRIVATE
+    ${ITK_INCLUDE_DIRS} ${GDCM_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
   target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
-    ${ITK_LIBRARIES} ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
+    ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
     usct_warnings)
   target_compile_definitions(${name} PRIVATE
     USCT_SOURCE_DIR="${PROJECT_SOURCE_DIR}"

@@ -91,7 +91,9 @@ int run_convert(const ConvertOptions& options) {
   const FileKind kind = detect_file_kind(options.input);
   switch (kind) {
     case FileKind::kDicom:
-      convert_volume(read_ct_with_warnings(options.input, options.dicom), options);
+      convert_volume(read_ct_with_warnings(options.input, options.dicom,
+                                           progress_bar("reading", options.quiet)),
+                     options);
       break;
     case FileKind::kVolume:
       convert_volume_file(options);
@@ -135,6 +137,8 @@ void add_convert_command(CLI::App& app, Run& run) {
   CLI::App* dicom = command->add_option_group("DICOM");
   dicom->add_option("--series", options->dicom.series_uid,
                     "SeriesInstanceUID, where a folder holds several CT series");
+  dicom->add_option("--acquisition", options->dicom.acquisition_number,
+                    "AcquisitionNumber, where a series holds several scans of the same place");
   dicom->add_flag("--resample-irregular", options->dicom.resample_irregular,
                   "resample gantry tilt, uneven and missing slices onto a regular grid instead of "
                   "refusing them");

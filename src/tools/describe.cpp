@@ -94,10 +94,16 @@ Json describe_series(const std::filesystem::path& path) {
     Json entry;
     entry["series_uid"] = series.series_uid;
     entry["modality"] = series.modality;
-    entry["slices"] = series.slices;
-    entry["rows"] = series.rows;
-    entry["columns"] = series.columns;
-    entry["problems"] = series.problems;
+    entry["files"] = series.files;
+    if (series.is_ct) {
+      entry["size"] = {series.columns, series.rows, series.slices};
+      entry["spacing_mm"] = list(series.spacing_mm);
+      entry["columns_run_to"] = list(series.axes.col(0));
+      entry["rows_run_to"] = list(series.axes.col(1));
+      entry["frame_of_reference_uid"] = series.frame_of_reference_uid;
+      entry["transfer_syntax_uid"] = series.transfer_syntax_uid;
+      entry["problems"] = series.problems;
+    }
     json["series"].push_back(entry);
   }
   return json;

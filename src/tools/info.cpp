@@ -69,7 +69,8 @@ void add_info_command(CLI::App& app, Run& run) {
   CLI::App* command = app.add_subcommand(
       "info",
       "Tells what a file or DICOM folder holds: kind, geometry, spacing, orientation, range, "
-      "warnings. Positions are in millimetres (mm), LPS for CT (axes_run_to: L left, P posterior, S "
+      "warnings. Positions are in millimetres (mm), LPS for CT (axes_run_to: L left, P posterior, "
+      "S "
       "superior, "
       "and R, A, I the other way); angles are degrees. Never prints a patient's identity.");
   auto options = std::make_shared<InfoOptions>();

@@ -9,8 +9,9 @@ void print_warnings(const std::vector<std::string>& warnings) {
     std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
 }
 
-CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options) {
-  DicomCt ct = read_ct(path, options);
+CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options,
+                               const Progress& progress) {
+  LoadedCt ct = read_ct(path, options, progress);
   print_warnings(ct.warnings);
   return std::move(ct.volume);
 }

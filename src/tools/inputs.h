@@ -12,6 +12,7 @@ namespace usct::tools {
 void print_warnings(const std::vector<std::string>& warnings);
 
 /// A CT of any format; the reader's warnings go to standard error.
-CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options = {});
+CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options = {},
+                               const Progress& progress = {});
 
 }  // namespace usct::tools

@@ -41,9 +41,11 @@ case $variant in
     use_from "$work/ws/install" ;;
   catkin_build)
     copy_sources
+    # Both packages in one workspace: the second finds the first as a catkin component.
+    cp -r "$project/test/package/downstream" "$work/ws/src/"
     (cd "$work/ws" && catkin config --init --install \
-      --cmake-args -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF &&
-      catkin build --no-status)
+      --cmake-args -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF &&
+      catkin build --no-status && set +u && . install/setup.sh && downstream)
     use_from "$work/ws/install" ;;
   *) echo "unknown variant '$variant'" >&2; exit 2 ;;
 esac

@@ -49,6 +49,10 @@ struct CompoundOptions {
   /// A frame fills the voxels whose centres lie within half of this from its plane. Below 1.75
   /// voxels even one frame may leave pinholes.
   double slice_thickness_mm = 1.0;
+  /// Where pixels or samples are closer than voxels, takes the mean over a square of the plane with
+  /// the side of a voxel (its smallest spacing), up to 8 x 8 points; else speckle aliases. False
+  /// takes the value at the voxel's centre.
+  bool average_in_plane = true;
   /// An empty voxel is filled, and counted as known, if known voxels face each other across it
   /// within this distance, on either side, along one of the 13 directions to its neighbours:
   /// gaps are bridged, the outside does not grow. 0 leaves gaps open.

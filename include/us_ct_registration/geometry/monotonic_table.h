@@ -5,13 +5,17 @@
 
 namespace usct {
 
+/// Throws InputError, naming `source` and `field`, if the values are fewer than two, one is not
+/// finite, or they are neither strictly rising nor strictly falling.
+void require_monotonic(const std::vector<double>& values, const std::string& source,
+                       const std::string& field);
+
 /// A strictly monotonic table of positions (angles of lines or frames, positions of elements),
 /// read at continuous indices: linear between entries, continued with the slope of the outermost
 /// pair beyond them. `index_of` is the exact inverse of `at`.
 class MonotonicTable {
  public:
-  /// Throws InputError, naming `source` and `field`, if the table has fewer than two entries, an
-  /// entry is not finite, or it is not strictly rising or strictly falling.
+  /// Throws InputError as `require_monotonic`.
   MonotonicTable(std::vector<double> values, const std::string& source, const std::string& field);
 
   double at(double index) const;

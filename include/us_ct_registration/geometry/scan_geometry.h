@@ -133,6 +133,7 @@ class MotorisedInverse {
   struct Swing {
     double phi_rad = 0.0;  // motor angle when the frame's plane meets the point
     double H_mm = 0.0;     // the point's axial coordinate in that frame
+    double frame = 0.0;    // that frame, if the motor stops for each; else it depends on the line
   };
   Swing swing_from_us(double y_us_mm, double z_us_mm) const;
   ScanIndex scan_from_swing(const Swing& swing, double x_us_mm) const;

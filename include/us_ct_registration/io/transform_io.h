@@ -21,9 +21,9 @@ namespace usct {
 Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path);
 
 /// Writes the inverse of T_us_ct as an AffineTransform in double precision: of all ITK's transforms
-/// the one that every program reads, and the one that stores a rotation bit by bit. Atomic. Throws
-/// InputError if the extension is unknown, the folder cannot be written to, or T_us_ct is not
-/// rigid.
+/// the one that every program reads, and that needs no angles. It comes back within 1e-12. Atomic.
+/// Throws InputError if the extension is unknown, the folder cannot be written to, or T_us_ct is
+/// not rigid.
 void write_T_us_ct(const Eigen::Isometry3d& T_us_ct, const std::filesystem::path& path);
 
 }  // namespace usct

@@ -37,8 +37,8 @@ struct UltrasoundSource {
   /// IGSIO: leave frames out whose image or pose is not marked valid (each is named in the
   /// warnings). Otherwise such a frame is an error.
   bool skip_invalid_frames = false;
-  /// B-mode IGSIO with a probe: where the probe appears in the image, and how many samples each line
-  /// is to have.
+  /// B-mode IGSIO with a probe: where the probe appears in the image, and how many samples each
+  /// line is to have.
   std::optional<ImagePlacement> placement;
   int samples = 0;
 };

@@ -13,6 +13,8 @@ namespace usct {
 namespace {
 
 constexpr double kCalibrationTolerance = 0.01;
+/// Points per side of the square that a voxel averages over.
+constexpr int kFinestFootprint = 8;
 
 std::size_t product(int a, int b) {
   return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
@@ -25,6 +27,10 @@ class Planes {
   virtual ~Planes() = default;
   virtual int count() const = 0;
   virtual Eigen::Affine3d T_plane_us(int plane) const = 0;
+  /// Millimetres per unit of the in-plane coordinates.
+  virtual Eigen::Vector2d unit_mm(int plane) const = 0;
+  /// Millimetres between recorded values, in the direction where they are closest.
+  virtual double pitch_mm(int plane) const = 0;
   /// Everything known lies within these coordinates of a plane.
   virtual Eigen::AlignedBox2d bounds() const = 0;
   /// The value at a point of a plane, if known.
@@ -52,6 +58,8 @@ class PreScanPlanes final : public Planes {
   Eigen::Affine3d T_plane_us(int plane) const override {
     return Eigen::Affine3d(T_us_frame_of(geometry_, plane, 0).inverse());
   }
+  Eigen::Vector2d unit_mm(int) const override { return Eigen::Vector2d::Ones(); }
+  double pitch_mm(int) const override { return geometry_.axial.spacing_mm; }
   Eigen::AlignedBox2d bounds() const override { return bounds_; }
 
   std::optional<float> at(int plane, double u, double v) const override {
@@ -91,6 +99,11 @@ class ImagePlanes final : public Planes {
         T.matrix().col(0).head<3>().cross(T.matrix().col(1).head<3>()).normalized();
     return T.inverse();
   }
+  Eigen::Vector2d unit_mm(int plane) const override {
+    const auto& T = images_.T_us_pixel[static_cast<std::size_t>(plane)];
+    return {T.linear().col(0).norm(), T.linear().col(1).norm()};
+  }
+  double pitch_mm(int plane) const override { return unit_mm(plane).minCoeff(); }
   Eigen::AlignedBox2d bounds() const override { return bounds_; }
 
   std::optional<float> at(int plane, double u, double v) const override {
@@ -146,8 +159,12 @@ class SlabCompounder {
         half_thickness_mm_(0.5 * options.slice_thickness_mm),
         bounds_(planes.bounds()),
         result_(result) {
-    for (int plane = 0; plane < planes.count(); ++plane)
-      T_plane_index_.push_back(planes.T_plane_us(plane) * result.volume.grid.T_physical_index());
+    const Grid& grid = result.volume.grid;
+    for (int plane = 0; plane < planes.count(); ++plane) {
+      T_plane_index_.push_back(planes.T_plane_us(plane) * grid.T_physical_index());
+      const double side_mm = options.average_in_plane ? grid.spacing_mm.minCoeff() : 0.0;
+      footprints_.push_back(footprint(side_mm, planes.pitch_mm(plane), planes.unit_mm(plane)));
+    }
   }
 
   void compound(int k) const {
@@ -198,9 +215,37 @@ class SlabCompounder {
       const Eigen::Vector3d q = start + i * step;
       const auto weight = static_cast<float>(1.0 - std::abs(q.z()) / half_thickness_mm_);
       if (!(weight > 0.0F)) continue;
-      if (const std::optional<float> value = planes_.at(plane, q.x(), q.y()))
+      if (const std::optional<float> value = average_around(plane, q.head<2>()))
         add(*value, weight, row[static_cast<std::size_t>(i)]);
     }
+  }
+
+  /// Points of a square around a voxel's place in the plane, relative to it, in its coordinates.
+  static std::vector<Eigen::Vector2d> footprint(double side_mm, double pitch_mm,
+                                                const Eigen::Vector2d& unit_mm) {
+    const int n = std::clamp(static_cast<int>(std::ceil(side_mm / pitch_mm)), 1, kFinestFootprint);
+    std::vector<Eigen::Vector2d> points;
+    for (int b = 0; b < n; ++b)
+      for (int a = 0; a < n; ++a)
+        points.push_back(side_mm *
+                         (Eigen::Vector2d(a + 0.5, b + 0.5) / n - Eigen::Vector2d::Constant(0.5))
+                             .cwiseQuotient(unit_mm));
+    return points;
+  }
+
+  /// The mean of what is known around a point that is known.
+  std::optional<float> average_around(int plane, const Eigen::Vector2d& at) const {
+    const std::vector<Eigen::Vector2d>& points = footprints_[static_cast<std::size_t>(plane)];
+    const std::optional<float> middle = planes_.at(plane, at.x(), at.y());
+    if (!middle || points.size() == 1) return middle;
+    float sum = 0.0F;
+    float count = 0.0F;
+    for (const Eigen::Vector2d& point : points)
+      if (const auto value = planes_.at(plane, at.x() + point.x(), at.y() + point.y())) {
+        sum += *value;
+        count += 1.0F;
+      }
+    return count > 0.0F ? sum / count : *middle;
   }
 
   void add(float value, float weight, Cell& cell) const {
@@ -224,6 +269,7 @@ class SlabCompounder {
   double half_thickness_mm_;
   Eigen::AlignedBox2d bounds_;
   std::vector<Eigen::Affine3d> T_plane_index_;
+  std::vector<std::vector<Eigen::Vector2d>> footprints_;
   ScanConverted& result_;
 };
 

@@ -25,7 +25,7 @@ struct Neighbours {
     return {lower, weight > 0.0F ? lower + 1 : lower, weight};
   }
   static Neighbours nearest(double index, int count) {
-    const int n = std::clamp(static_cast<int>(std::floor(index + 0.5)), 0, count - 1);
+    const int n = std::clamp(static_cast<int>(index + 0.5), 0, count - 1);
     return {n, n, 0.0F};
   }
 };

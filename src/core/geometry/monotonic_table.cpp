@@ -11,28 +11,35 @@ namespace {
 /// The segment [i, i + 1] of a table at a continuous index, the outermost ones beyond the ends.
 std::size_t segment_of(const std::vector<double>& values, double index) {
   const auto last = static_cast<double>(values.size() - 2);
-  // The order of the arguments takes a NaN to a segment as well (and the result to NaN).
-  return static_cast<std::size_t>(std::max(0.0, std::min(last, std::floor(index))));
+  // Not negative, so that truncation is floor. The order of the arguments takes a NaN to a segment
+  // as well (and the result to NaN).
+  return static_cast<std::size_t>(std::max(0.0, std::min(last, index)));
 }
 
 }  // namespace
 
-MonotonicTable::MonotonicTable(std::vector<double> values, const std::string& source,
-                               const std::string& field)
-    : values_(std::move(values)) {
+void require_monotonic(const std::vector<double>& values, const std::string& source,
+                       const std::string& field) {
   const auto fail = [&](const std::string& violation) {
     throw InputError(source, "'" + field + "' " + violation);
   };
-  if (values_.size() < 2)
-    fail("has " + std::to_string(values_.size()) + " entries, must have at least 2");
-  rising_ = values_[1] > values_[0];
-  for (std::size_t i = 0; i < values_.size(); ++i) {
-    const std::string entry = "entry " + std::to_string(i) + " is " + std::to_string(values_[i]);
-    if (!std::isfinite(values_[i])) fail(entry + ", must be finite");
-    if (i > 0 && (rising_ ? values_[i] <= values_[i - 1] : values_[i] >= values_[i - 1]))
-      fail(entry + " after " + std::to_string(values_[i - 1]) +
+  if (values.size() < 2)
+    fail("has " + std::to_string(values.size()) + " entries, must have at least 2");
+  const bool rising = values[1] > values[0];
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::string entry = "entry " + std::to_string(i) + " is " + std::to_string(values[i]);
+    if (!std::isfinite(values[i])) fail(entry + ", must be finite");
+    if (i > 0 && (rising ? values[i] <= values[i - 1] : values[i] >= values[i - 1]))
+      fail(entry + " after " + std::to_string(values[i - 1]) +
            ", must be strictly rising or strictly falling");
   }
+}
+
+MonotonicTable::MonotonicTable(std::vector<double> values, const std::string& source,
+                               const std::string& field)
+    : values_(std::move(values)) {
+  require_monotonic(values_, source, field);
+  rising_ = values_[1] > values_[0];
   mean_slope_inverse_ =
       static_cast<double>(values_.size() - 1) / (values_.back() - values_.front());
 }

@@ -14,7 +14,7 @@ namespace {
 class PreScanSampler {
  public:
   PreScanSampler(const PreScanVolume& prescan, Interpolation interpolation)
-      : prescan_(prescan),
+      : voxels_(prescan.voxels.data()),
         samples_(prescan.geometry.samples()),
         lines_(prescan.geometry.lines()),
         frames_(prescan.geometry.frames()),
@@ -27,12 +27,15 @@ class PreScanSampler {
 
   /// Brightness at an index that is recorded.
   std::uint8_t at(const ScanIndex& index) const {
-    const auto neighbours = nearest_ ? &Neighbours::nearest : &Neighbours::linear;
+    const auto neighbours = [&](double i, int count) {
+      return nearest_ ? Neighbours::nearest(i, count) : Neighbours::linear(i, count);
+    };
     const Neighbours s = neighbours(index.sample, samples_);
     const Neighbours l = neighbours(index.line, lines_);
     const Neighbours f = neighbours(index.frame, frames_);
     const auto along_samples = [&](int line, int frame) {
-      const std::uint8_t* voxels = prescan_.voxels.data() + prescan_.offset(0, line, frame);
+      const std::uint8_t* voxels = voxels_ + (static_cast<std::ptrdiff_t>(frame) * lines_ + line) *
+                                                 static_cast<std::ptrdiff_t>(samples_);
       return mix(voxels[s.lower], voxels[s.upper], s.weight);
     };
     const auto along_lines = [&](int frame) {
@@ -43,7 +46,7 @@ class PreScanSampler {
   }
 
  private:
-  const PreScanVolume& prescan_;
+  const std::uint8_t* voxels_;
   int samples_;
   int lines_;
   int frames_;

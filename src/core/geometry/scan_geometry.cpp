@@ -44,12 +44,12 @@ void require_within_right_angle(const std::vector<double>& angles_rad, double ex
 
 void validate_array(const Array& array, const std::string& source) {
   if (const auto* linear = std::get_if<LinearArray>(&array)) {
-    MonotonicTable(linear->line_positions_mm, source, "line_positions_mm");
+    require_monotonic(linear->line_positions_mm, source, "line_positions_mm");
     return;
   }
   const auto& curved = std::get<CurvilinearArray>(array);
   require_positive(curved.probe_radius_mm, source, "probe_radius_mm");
-  MonotonicTable(curved.line_angles_rad, source, "line_angles_rad");
+  require_monotonic(curved.line_angles_rad, source, "line_angles_rad");
   require_within_right_angle(curved.line_angles_rad, 0.0, source, "line_angles_rad");
 }
 
@@ -58,7 +58,7 @@ void validate_motor(const MotorSweep& sweep, const ScanGeometry& geometry,
   if (!std::holds_alternative<CurvilinearArray>(geometry.array))
     throw InputError(source, "a motorised probe has a linear array, must be curvilinear");
   require_positive(sweep.motor_radius_mm, source, "motor_radius_mm");
-  MonotonicTable(sweep.frame_angles_rad, source, "frame_angles_rad");
+  require_monotonic(sweep.frame_angles_rad, source, "frame_angles_rad");
   if (!std::isfinite(sweep.frame_travel_rad))
     throw InputError(source, "'frame_travel_rad' is not finite");
   require_within_right_angle(sweep.frame_angles_rad, 0.5 * std::abs(sweep.frame_travel_rad), source,
@@ -199,8 +199,11 @@ ScanIndex MotorisedInverse::scan_from_us(const Eigen::Vector3d& p_us_mm) const {
 
 MotorisedInverse::Swing MotorisedInverse::swing_from_us(double y_us_mm, double z_us_mm) const {
   const double y_from_axis = y_us_mm - axis_offset_mm_;
-  return {std::atan2(z_us_mm, y_from_axis),
-          axis_offset_mm_ + std::sqrt(y_from_axis * y_from_axis + z_us_mm * z_us_mm)};
+  Swing swing;
+  swing.phi_rad = std::atan2(z_us_mm, y_from_axis);
+  swing.H_mm = axis_offset_mm_ + std::sqrt(y_from_axis * y_from_axis + z_us_mm * z_us_mm);
+  if (frame_travel_rad_ == 0.0) swing.frame = frame_angles_.index_of(swing.phi_rad);
+  return swing;
 }
 
 ScanIndex MotorisedInverse::scan_from_swing(const Swing& swing, double x_us_mm) const {
@@ -208,8 +211,10 @@ ScanIndex MotorisedInverse::scan_from_swing(const Swing& swing, double x_us_mm) 
   ScanIndex index;
   index.sample = (h - probe_radius_mm_ - axial_.start_depth_mm) / axial_.spacing_mm;
   index.line = line_angles_.index_of(std::atan2(x_us_mm, swing.H_mm));
-  index.frame =
-      frame_angles_.index_of(swing.phi_rad - travel_at_line(frame_travel_rad_, lines_, index.line));
+  index.frame = frame_travel_rad_ == 0.0
+                    ? swing.frame
+                    : frame_angles_.index_of(swing.phi_rad -
+                                             travel_at_line(frame_travel_rad_, lines_, index.line));
   return index;
 }
 

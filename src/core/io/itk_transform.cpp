@@ -2,14 +2,17 @@
 
 #include <itkAffineTransform.h>
 #include <itkHDF5TransformIO.h>
-#include <itkTransformFactoryBase.h>
+#include <itkTransformFactory.h>
 #include <itkTransformFileReader.h>
 #include <itkTransformFileWriter.h>
 #include <itkTxtTransformIO.h>
+#include <itk_H5Cpp.h>
 
 #include <mutex>
+#include <string_view>
 
 #include "io/bytes.h"
+#include "io/text.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 
@@ -24,7 +27,12 @@ std::unique_lock<std::mutex> lock_itk_transforms() {
   static std::mutex mutex;
   std::unique_lock<std::mutex> lock(mutex);
   static std::once_flag registered;
-  std::call_once(registered, [] { itk::TransformFactoryBase::RegisterDefaultTransforms(); });
+  std::call_once(registered, [] {
+    itk::TransformFactoryBase::RegisterDefaultTransforms();
+    // Not among the defaults; older ANTs write it.
+    itk::TransformFactory<itk::MatrixOffsetTransformBase<double, 3, 3>>::RegisterTransform();
+    H5::Exception::dontPrint();  // our message says it
+  });
   return lock;
 }
 
@@ -40,6 +48,27 @@ itk::TransformIOBaseTemplate<double>::Pointer transform_io(const std::filesystem
                                       "', must be .tfm, .txt, .h5 or .hdf5 (ITK transform)");
 }
 
+/// ITK reads a text file that ends before its parameters as the identity, without a word.
+void require_complete_text(const std::filesystem::path& path) {
+  const Bytes bytes = read_bytes(path);
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  int transforms = 0;
+  int parameters = 0;
+  int fixed_parameters = 0;
+  for (const std::string_view line : split(text, '\n')) {
+    const std::string_view name = line.substr(0, line.find(':'));
+    const bool composite = line.find("CompositeTransform") != std::string_view::npos;
+    transforms += name == "Transform" && !composite ? 1 : 0;
+    parameters += name == "Parameters" ? 1 : 0;
+    fixed_parameters += name == "FixedParameters" ? 1 : 0;
+  }
+  if (transforms == 0) throw InputError(path.string(), "is not an ITK transform file");
+  if (parameters != transforms || fixed_parameters != transforms)
+    throw InputError(path.string(), "has " + std::to_string(transforms) + " transforms, but " +
+                                        std::to_string(parameters) + " 'Parameters' and " +
+                                        std::to_string(fixed_parameters) + " 'FixedParameters'");
+}
+
 /// The part of ITK's message that is about the file, not about ITK's source code.
 std::string description(const itk::ExceptionObject& error) {
   std::string text = error.GetDescription();
@@ -48,17 +77,31 @@ std::string description(const itk::ExceptionObject& error) {
   return text.substr(0, text.find_first_of("\r\n"));
 }
 
-void read(itk::TransformFileReaderTemplate<double>& reader, const std::string& source) {
+/// ITK and HDF5 have exceptions of their own.
+template <typename Action>
+void with_input_errors(const std::string& source, const Action& action) {
   const std::string violation = "is not an ITK transform file: ";
   try {
-    reader.Update();
+    action();
   } catch (const itk::ExceptionObject& error) {
     throw InputError(source, violation + description(error));
-  } catch (const std::exception& error) {
-    throw InputError(source, violation + error.what());
-  } catch (...) {  // HDF5 throws a type of its own
-    throw InputError(source, violation + "HDF5 cannot read it");
+  } catch (const H5::Exception& error) {
+    throw InputError(source, violation + error.getDetailMsg());
   }
+}
+
+LinearMap linear_map(const AnyTransform& transform) {
+  LinearMap map;
+  const AnyTransform::OutputPointType moved =
+      transform.TransformPoint(AnyTransform::InputPointType(0.0));
+  for (unsigned row = 0; row < 3; ++row) map.translation[row] = moved[row];
+  for (unsigned axis = 0; axis < 3; ++axis) {
+    AnyTransform::InputVectorType unit(0.0);
+    unit[axis] = 1.0;
+    const AnyTransform::OutputVectorType column = transform.TransformVector(unit);
+    for (unsigned row = 0; row < 3; ++row) map.matrix[row][axis] = column[row];
+  }
+  return map;
 }
 
 }  // namespace
@@ -66,32 +109,27 @@ void read(itk::TransformFileReaderTemplate<double>& reader, const std::string& s
 LinearMap read_itk_transform(const std::filesystem::path& path) {
   const std::string source = path.string();
   const auto io = transform_io(path);
-  read_prefix(path, 1);  // clear words for what is missing, empty or a folder
+  if (std::string_view(io->GetNameOfClass()) == "TxtTransformIOTemplate")
+    require_complete_text(path);
+  else
+    read_prefix(path, 1);  // clear words for what is missing, empty or a folder
   const auto lock = lock_itk_transforms();
   const auto reader = itk::TransformFileReaderTemplate<double>::New();
   reader->SetTransformIO(io);
   reader->SetFileName(source);
-  read(*reader, source);
+  with_input_errors(source, [&] { reader->Update(); });
   const auto* transforms = reader->GetTransformList();
   if (transforms->size() != 1)
     throw InputError(source, "holds " + std::to_string(transforms->size()) +
                                  " transforms, must hold 1 (or one CompositeTransform)");
-  LinearMap map;
-  map.type = transforms->front()->GetTransformTypeAsString();
+  const std::string type = transforms->front()->GetTransformTypeAsString();
   const auto* transform = dynamic_cast<const AnyTransform*>(transforms->front().GetPointer());
   if (transform == nullptr || !transform->IsLinear())
     throw InputError(source,
-                     "holds a " + map.type + ", must be a linear transform from 3 to 3 dimensions");
-  // What it does to four points is all there is to a linear transform, of whatever class.
-  const AnyTransform::InputPointType origin(0.0);
-  const AnyTransform::OutputPointType moved = transform->TransformPoint(origin);
-  for (unsigned row = 0; row < 3; ++row) map.translation[row] = moved[row];
-  for (unsigned axis = 0; axis < 3; ++axis) {
-    AnyTransform::InputPointType unit(0.0);
-    unit[axis] = 1.0;
-    const auto column = transform->TransformPoint(unit) - moved;
-    for (unsigned row = 0; row < 3; ++row) map.matrix[row][axis] = column[row];
-  }
+                     "holds a " + type + ", must be a linear transform from 3 to 3 dimensions");
+  LinearMap map;
+  with_input_errors(source, [&] { map = linear_map(*transform); });
+  map.type = type;
   return map;
 }
 

@@ -123,8 +123,10 @@ std::vector<double> calibrated_angles(const ProbeMotor& motor, const RecordedFra
   const double mean = 1000.0 * io::degrees(mean_pitch);
   if (recorded.frame_pitch_millidegrees &&
       std::abs(*recorded.frame_pitch_millidegrees - mean) > kCalibratedPitchTolerance * mean)
-    fail_pitch(*recorded.frame_pitch_millidegrees,
-               "within 25 % of the mean of 'frame_angles_deg', " + io::format_double(mean), source);
+    fail_pitch(
+        *recorded.frame_pitch_millidegrees,
+        "within 25 % of the mean of 'frame_angles_deg', " + std::to_string(std::lround(mean)),
+        source);
   return angles;
 }
 

@@ -224,12 +224,14 @@ TEST(Compound, ALinearSweepIsTheSameAsItsImages) {
     images.T_us_pixel.push_back(pose * T_frame_pixel);
   }
   const Grid grid = fan_grid(prescan.geometry, 0.7);
-  const ScanConverted sweep = compound(prescan, grid, {});
-  const ScanConverted pictures = compound(images, grid, {});
+  CompoundOptions options;
+  options.average_in_plane = false;  // else the edges differ: the sweep knows half a pixel more
+  const ScanConverted sweep = compound(prescan, grid, options);
+  const ScanConverted pictures = compound(images, grid, options);
   std::size_t both = 0;
   for (std::size_t n = 0; n < grid.voxel_count(); ++n) {
     if (pictures.mask.voxels[n] == 0) continue;
-    EXPECT_EQ(sweep.mask.voxels[n], 255);  // the sweep knows half a pixel more
+    EXPECT_EQ(sweep.mask.voxels[n], 255);
   }
   for (int k = 0; k < grid.size.z(); ++k)
     for (int j = 3; j < grid.size.y() - 3; ++j)
@@ -239,6 +241,23 @@ TEST(Compound, ALinearSweepIsTheSameAsItsImages) {
           EXPECT_NEAR(sweep.volume.at(i, j, k), pictures.volume.at(i, j, k), 1.0);
         }
   EXPECT_GT(both, 5000U);
+}
+
+// Speckle finer than the voxels is averaged, not picked at random.
+TEST(Compound, AveragesPixelsThatAreFinerThanVoxels) {
+  TrackedImages images;
+  images.width = images.height = 40;
+  for (int row = 0; row < 40; ++row)
+    for (int col = 0; col < 40; ++col) images.pixels.push_back((row + col) % 2 == 0 ? 200 : 100);
+  Eigen::Affine3d T = Eigen::Affine3d::Identity();
+  T.linear().diagonal() << 0.25, 0.25, 1.0;
+  images.T_us_pixel.push_back(T);
+  const Grid grid = grid_of({8, 8, 1}, {1.0, 1.0, 0.0}, 1.0);
+  CompoundOptions options;
+  for (const std::uint8_t value : compound(images, grid, options).volume.voxels)
+    EXPECT_EQ(value, 150);
+  options.average_in_plane = false;
+  EXPECT_EQ(compound(images, grid, options).volume.at(2, 3, 0), 200);
 }
 
 TEST(Compound, LeavesOutWhatTheImagesDoNotShow) {

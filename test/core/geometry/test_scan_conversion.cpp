@@ -123,7 +123,10 @@ RC_GTEST_PROP(ScanConvert, MaskIsTheAcquiredFan, ()) {
     const Line line = line_in_frame(geometry.array, index.line);
     const Eigen::Vector3d in_frame =
         line.origin_mm + geometry.axial.depth_mm(index.sample) * line.direction;
-    if (in_frame.y() <= axis_y + 1e-6) continue;  // behind the motor axis: no place of its own
+    // Behind the motor axis, or half a turn beyond the sweep, a point has another index as well.
+    const double theta = interpolate_table(array.line_angles_rad, index.line);
+    const double phi = motor_angle_rad(sweep, geometry.lines(), index.frame, index.line);
+    if (in_frame.y() <= axis_y + 1e-6 || std::abs(theta) > 3.1 || std::abs(phi) > 3.1) continue;
     for (const bool oblique : {false, true}) {
       if (oblique) grid.direction = test::random_rotation();
       const ScanConverted result = scan_convert(prescan, grid, Interpolation::kNearest);

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/progress.h"
+#include "us_ct_registration/volume/volume.h"
+
+/// CT series in DICOM files: CT, enhanced (multi-frame) CT and legacy converted enhanced CT images;
+/// not compressed, or JPEG, JPEG-LS, JPEG 2000 or RLE.
+///
+/// No patient identifier and no free text leaves the reader. Messages hold file names, UIDs,
+/// geometry and the values of technical fields only.
+///
+/// Files without DICOM content are passed over and counted. A file that claims to be DICOM (by its
+/// content, or by the extension .dcm or .ima) and cannot be read is an error, never passed over: it
+/// might be a slice.
+namespace usct {
+
+/// What the headers of one series say; see find_dicom_series.
+struct DicomSeries {
+  /// Empty if the files do not state it (some anonymisers erase it).
+  std::string series_uid;
+  /// "CT", "MR" and so on.
+  std::string modality;
+  std::string frame_of_reference_uid;
+  std::string transfer_syntax_uid;
+  std::optional<int> series_number;
+  /// Whether read_dicom_ct takes it: images of modality CT. What follows is only known then.
+  bool is_ct = false;
+  int files = 0;
+  /// Images, or frames of multi-frame images, without localizers.
+  int slices = 0;
+  int columns = 0;
+  int rows = 0;
+  /// Columns: the unit directions of increasing column and row index, LPS.
+  Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Zero();
+  /// Between columns, between rows, and between slices by their positions (the median where that
+  /// is uneven; 0 for a single slice).
+  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Zero();
+  /// Why read_dicom_ct would refuse it, or what it would have to resample.
+  std::vector<std::string> problems;
+  /// The first of its files by name.
+  std::filesystem::path first_file;
+};
+
+struct DicomReadOptions {
+  /// The series to read; required where there are several of CT. Empty: the only one.
+  std::string series_uid;
+
+  /// Only images of this AcquisitionNumber, for series that hold several scans of the same place
+  /// (phases of contrast).
+  std::optional<int> acquisition_number;
+
+  /// What to do with slices that are not on a regular grid: gantry tilt, uneven spacing, missing
+  /// slices. false: refuse. true: interpolate linearly between the slices' true positions onto a
+  /// regular grid, with a warning that says so. Its axes are the slices' axes and their normal, its
+  /// slice spacing the smallest one between neighbours; it covers all slices, and holds -1024 HU
+  /// where none is.
+  bool resample_irregular = false;
+
+  /// How far a slice may lie from its place on the regular grid, as a fraction of the slice
+  /// spacing. Must be > 0 and <= 0.5.
+  double position_tolerance = 0.05;
+
+  /// Throws InputError naming the option, its value and the constraint.
+  void validate() const;
+};
+
+/// A CT as it was read.
+struct LoadedCt {
+  CtVolume volume;
+  /// "DICOM", or the format of the image file.
+  std::string format;
+  /// Empty for image files, or where the files do not state it.
+  std::string series_uid;
+  std::string frame_of_reference_uid;
+  /// What was passed over, resampled or unusual.
+  std::vector<std::string> warnings;
+};
+
+/// The series in a folder and all its subfolders, or the one series that a file belongs to (whose
+/// other files are looked for in the same folder); by series number, then UID.
+///
+/// Throws InputError if the path does not exist or cannot be read, or if a DICOM file cannot be
+/// parsed.
+std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
+
+/// The CT volume of a folder (with subfolders) or of the series that a file belongs to.
+///
+/// Slices are ordered by their positions along their normal, never by name or number; the spacing
+/// comes from the positions. Voxels are Hounsfield units, by each slice's own rescale slope and
+/// intercept, rounded to nearest; values outside int16 are an error. Padding (PixelPaddingValue)
+/// below -1024 HU becomes -1024 HU, the value of air. Localizers, other modalities and files that
+/// are no CT images are passed over with a warning. Of slices at the same place with the same
+/// pixels one is taken, with a warning; different pixels are an error.
+///
+/// Throws InputError, naming the file or the series and what is wrong, for all that cannot be read
+/// and, unless options.resample_irregular, for slices that are not on a regular grid.
+LoadedCt read_dicom_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
+                       const Progress& progress = {});
+
+/// The CT at `path`, whatever it is: a folder of DICOM files or a DICOM file (see read_dicom_ct),
+/// or an image file (see volume_io.h; `options` does not matter then). Throws InputError.
+LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
+                 const Progress& progress = {});
+
+}  // namespace usct

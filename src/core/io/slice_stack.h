@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/volume/volume.h"
+
+/// Where the slices of a series lie, and how they become a regular grid. Knows nothing of DICOM.
+namespace usct::io {
+
+/// One slice: voxel (i, j) has its centre at
+/// position_mm + axes * (i * spacing_mm.x(), j * spacing_mm.y()).
+struct SlicePose {
+  /// How messages call it.
+  std::string name;
+  Eigen::Vector2i size = Eigen::Vector2i::Zero();
+  Eigen::Vector2d spacing_mm = Eigen::Vector2d::Ones();
+  Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Identity();
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+};
+
+/// Slices in the order of their positions along the normal.
+struct SliceStack {
+  /// Indices into the slices given, one per distinct place.
+  std::vector<int> order;
+  /// For each of `order`, the slices at the same place.
+  std::vector<std::vector<int>> duplicates;
+  /// For each of `order`: place along the normal, and sideways (along the axes), in mm from the
+  /// first slice.
+  std::vector<double> depth_mm;
+  std::vector<Eigen::Vector2d> shift_mm;
+
+  /// Unit, first axis x second axis.
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  /// Median distance along the normal between neighbours; 0 for one slice.
+  double spacing_mm = 0.0;
+  /// The least distance along the normal between neighbours (the mean of all that are as small
+  /// within the tolerance).
+  double least_spacing_mm = 0.0;
+
+  /// In words, what keeps the slices from being a grid at all (different sizes, spacings or
+  /// directions, or a single slice), and what resampling can mend (tilt, uneven spacing, missing
+  /// slices). The order is only known if `fatal` is empty.
+  std::vector<std::string> fatal;
+  std::vector<std::string> irregular;
+
+  /// If not irregular: the grid that the slices form, fitted to all positions.
+  Grid grid;
+};
+
+/// `tolerance`: how far a slice may be from its place on the grid, as a fraction of the spacing.
+SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance);
+
+/// Value of voxels where no slice is: air.
+constexpr std::int16_t kAirHu = -1024;
+
+/// The voxels of the slices (in the stack's order) interpolated linearly at their true positions
+/// onto a regular grid with the slices' axes and normal, the least spacing between neighbours, and
+/// the extent of all slices. Throws InputError, naming `source`, if that would take more than 8192
+/// slices.
+CtVolume resample_stack(const std::string& source, const std::vector<SlicePose>& slices,
+                        const SliceStack& stack, const std::vector<std::int16_t>& voxels);
+
+}  // namespace usct::io

@@ -1,0 +1,387 @@
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "core/io/dicom_writer.h"
+#include "core/io/expect_input_error.h"
+#include "core/io/temporary_folder.h"
+#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/io/volume_io.h"
+
+namespace usct {
+namespace {
+
+namespace fs = std::filesystem;
+using test::DicomSlice;
+using test::expect_input_error;
+using test::TemporaryFolder;
+
+Grid small_grid() { return test::example_grids()[0].grid; }
+
+/// Whatever the order and the axes of the voxels: each holds what the patient is made of there.
+void expect_shows_the_patient(const CtVolume& volume, double tolerance_hu) {
+  ASSERT_EQ(volume.voxels.size(), volume.grid.voxel_count());
+  for (int k = 0; k < volume.grid.size.z(); ++k)
+    for (int j = 0; j < volume.grid.size.y(); ++j)
+      for (int i = 0; i < volume.grid.size.x(); ++i) {
+        const Eigen::Vector3d p = volume.grid.physical_from_index(Eigen::Vector3d(i, j, k));
+        ASSERT_NEAR(volume.at(i, j, k), test::hounsfield_at(p), tolerance_hu)
+            << "at voxel " << i << " " << j << " " << k;
+      }
+}
+
+/// Rounding to a whole number, and of positions to the 16 characters of a decimal string.
+constexpr double kRounding = 0.5 + 1e-4;
+
+TEST(DicomReading, PutsSlicesWherePositionsSayForAnyAxes) {
+  for (const auto& [name, grid] : test::example_grids()) {
+    SCOPED_TRACE(name);
+    const TemporaryFolder folder;
+    test::write_shuffled(folder.path(), test::slices_of(grid));
+    const LoadedCt ct = read_dicom_ct(folder.path());
+    EXPECT_EQ(ct.volume.grid.size, grid.size);
+    EXPECT_LT((ct.volume.grid.spacing_mm - grid.spacing_mm).norm(), 1e-6);
+    EXPECT_NEAR((ct.volume.grid.centre_mm() - grid.centre_mm()).norm(), 0.0, 1e-6);
+    EXPECT_GT(ct.volume.grid.direction.determinant(), 0.0);
+    expect_shows_the_patient(ct.volume, kRounding);
+    EXPECT_EQ(ct.format, "DICOM");
+    EXPECT_EQ(ct.series_uid, DicomSlice().series_uid);
+    EXPECT_EQ(ct.frame_of_reference_uid, DicomSlice().frame_of_reference_uid);
+    EXPECT_TRUE(ct.warnings.empty()) << ct.warnings.front();
+  }
+}
+
+TEST(DicomReading, EachSliceHasItsOwnRescaleAndKindOfPixel) {
+  const TemporaryFolder folder;
+  std::vector<DicomSlice> slices = test::slices_of(small_grid());
+  slices[0].intercept = 0.0;
+  slices[0].is_signed = true;
+  slices[0].bits_stored = 13;
+  slices[0].unused_bits = 5;  // overlays were once kept there
+  slices[1].slope = 0.5;
+  slices[1].intercept = -4000.0;
+  slices[1].bits_stored = 14;
+  slices[1].unused_bits = 3;
+  slices[2].slope = -1.0;
+  slices[2].intercept = 3000.0;
+  slices[3].bits_stored = 12;
+  slices[3].intercept = -5500.0;
+  test::write_shuffled(folder.path(), slices);
+  expect_shows_the_patient(read_dicom_ct(folder.path()).volume, kRounding + 0.25);
+}
+
+TEST(DicomReading, PositionsMayBeRoundedWithinTheTolerance) {
+  const TemporaryFolder folder;
+  const Grid grid = small_grid();
+  std::vector<DicomSlice> slices = test::slices_of(grid);
+  slices[1].position_mm.z() += 0.04 * grid.spacing_mm.z();
+  slices[2].position_mm.y() -= 0.04 * grid.spacing_mm.z();
+  test::write_shuffled(folder.path(), slices);
+  const LoadedCt ct = read_dicom_ct(folder.path());
+  EXPECT_NEAR(ct.volume.grid.spacing_mm.z(), grid.spacing_mm.z(), 0.02 * grid.spacing_mm.z());
+  DicomReadOptions strict;
+  strict.position_tolerance = 0.005;
+  expect_input_error([&] { read_dicom_ct(folder.path(), strict); }, {"uneven"});
+}
+
+/// Compressed by programs that share no code with the reader, where Debian has any.
+struct Compression {
+  const char* name;
+  const char* command;  // of two files
+  double tolerance_hu;
+  int bits_stored;
+};
+
+class DicomCompression : public testing::TestWithParam<Compression> {};
+
+bool run(const std::string& command, const fs::path& in, const fs::path& out) {
+  return std::system(
+             (command + " '" + in.string() + "' '" + out.string() + "' 2>/dev/null").c_str()) == 0;
+}
+
+std::vector<DicomSlice> slices_to_compress(const Compression& compression) {
+  std::vector<DicomSlice> slices = test::slices_of(small_grid());
+  for (DicomSlice& slice : slices) {
+    slice.size = {32, 24};  // lossy JPEG needs some blocks
+    slice.bits_stored = compression.bits_stored;
+    if (compression.bits_stored == 8) {
+      slice.bits_allocated = 8;
+      slice.slope = 16.0;
+      slice.intercept = -5500.0;
+    } else if (compression.bits_stored == 12) {
+      slice.intercept = -5500.0;
+    } else {
+      slice.is_signed = true;
+      slice.intercept = 0.0;
+    }
+  }
+  return slices;
+}
+
+TEST_P(DicomCompression, ReadsTheSame) {
+  const Compression& compression = GetParam();
+  const std::string program =
+      std::string(compression.command).substr(0, std::string(compression.command).find(' '));
+  if (std::system(("command -v " + program + " >/dev/null").c_str()) != 0)
+    GTEST_SKIP() << program << " is not installed";
+  const TemporaryFolder plain, compressed;
+  test::write_shuffled(plain.path(), slices_to_compress(compression));
+  for (const auto& entry : fs::directory_iterator(plain.path()))
+    ASSERT_TRUE(
+        run(compression.command, entry.path(), compressed.path() / entry.path().filename()));
+  const CtVolume expected = read_dicom_ct(plain.path()).volume;
+  const LoadedCt ct = read_dicom_ct(compressed.path());
+  EXPECT_TRUE(same_grid(ct.volume.grid, expected.grid));
+  ASSERT_EQ(ct.volume.voxels.size(), expected.voxels.size());
+  int worst = 0;
+  for (std::size_t i = 0; i < expected.voxels.size(); ++i)
+    worst = std::max(worst, std::abs(ct.volume.voxels[i] - expected.voxels[i]));
+  EXPECT_LE(worst, compression.tolerance_hu);
+  EXPECT_NE(find_dicom_series(compressed.path())[0].transfer_syntax_uid,
+            find_dicom_series(plain.path())[0].transfer_syntax_uid);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, DicomCompression,
+    testing::Values(Compression{"implicit", "dcmconv +ti", 0, 16},
+                    Compression{"big_endian", "dcmconv +tb", 0, 16},
+                    Compression{"deflated", "dcmconv +td", 0, 16},
+                    Compression{"jpeg_baseline", "dcmcjpeg +eb", 64, 8},
+                    Compression{"jpeg_extended_12_bit", "dcmcjpeg +ee +q 95", 64, 12},
+                    Compression{"jpeg_lossless", "dcmcjpeg +el", 0, 16},
+                    Compression{"jpeg_lossless_first_order", "dcmcjpeg +e1", 0, 16},
+                    Compression{"jpeg_lossless_12_bit", "dcmcjpeg +e1", 0, 12},
+                    Compression{"jpeg_ls", "dcmcjpls +el", 0, 16},
+                    Compression{"jpeg_ls_near_lossless", "dcmcjpls +en +md 2", 2, 12},
+                    Compression{"rle", "dcmcrle", 0, 16}, Compression{"rle_8_bit", "dcmcrle", 0, 8},
+                    Compression{"jpeg_2000", "gdcmconv --j2k", 0, 16},
+                    Compression{"jpeg_2000_12_bit", "gdcmconv --j2k", 0, 12}),
+    [](const auto& parameter) { return parameter.param.name; });
+
+TEST(DicomReading, EnhancedMultiFrameIsTheSameAsItsSlices) {
+  for (const auto& [name, grid] : test::example_grids()) {
+    SCOPED_TRACE(name);
+    const TemporaryFolder folder;
+    std::vector<DicomSlice> frames = test::slices_of(grid);
+    frames[1].intercept = -9000.0;
+    frames[2].slope = 0.5;
+    frames[2].intercept = -6000.0;
+    std::swap(frames[0], frames[2]);
+    test::write_enhanced_dicom(folder.path() / "enhanced.dcm", frames);
+    const LoadedCt ct = read_dicom_ct(folder.path());
+    EXPECT_EQ(ct.volume.grid.size, grid.size);
+    expect_shows_the_patient(ct.volume, kRounding + 0.25);
+    EXPECT_TRUE(ct.warnings.empty());
+    EXPECT_EQ(find_dicom_series(folder.path())[0].slices, grid.size.z());
+    for (const char* command : {"gdcmconv --j2k", "dcmcrle", "dcmcjpls +el"}) {
+      const TemporaryFolder compressed;
+      if (!run(command, folder.path() / "enhanced.dcm", compressed.path() / "c.dcm")) continue;
+      EXPECT_EQ(read_dicom_ct(compressed.path()).volume.voxels, ct.volume.voxels) << command;
+    }
+  }
+}
+
+TEST(DicomReading, EnhancedLocalizerFrameIsPassedOver) {
+  const TemporaryFolder folder;
+  std::vector<DicomSlice> frames = test::slices_of(small_grid());
+  frames.push_back(frames[0]);
+  frames.back().image_type = "ORIGINAL\\PRIMARY\\LOCALIZER\\NONE";
+  frames.back().hounsfield = [](const Eigen::Vector3d&) { return 0.0; };
+  test::write_enhanced_dicom(folder.path() / "e.dcm", frames);
+  const LoadedCt ct = read_dicom_ct(folder.path());
+  expect_shows_the_patient(ct.volume, kRounding);
+  ASSERT_EQ(ct.warnings.size(), 1U);
+  EXPECT_NE(ct.warnings[0].find("e.dcm frame 5"), std::string::npos) << ct.warnings[0];
+}
+
+TEST(DicomReading, PaddingBelowAirBecomesAir) {
+  const TemporaryFolder folder;
+  std::vector<DicomSlice> slices = test::slices_of(small_grid());
+  for (DicomSlice& slice : slices) {
+    slice.is_signed = true;
+    slice.intercept = -1024.0;
+    const Eigen::Vector3d corner = slice.position_mm;
+    slice.hounsfield = [corner](const Eigen::Vector3d& p) {
+      return (p - corner).norm() < 0.1 ? -33024.0 : test::hounsfield_at(p);  // stored -32000
+    };
+    slice.changes[{0x0028, 0x0120}] = test::short_bytes(-32000);
+  }
+  test::write_shuffled(folder.path(), slices);
+  const CtVolume padded = read_dicom_ct(folder.path()).volume;
+  EXPECT_EQ(padded.at(0, 0, 0), -1024);
+  EXPECT_NEAR(padded.at(1, 0, 0),
+              test::hounsfield_at(padded.grid.physical_from_index({1.0, 0.0, 0.0})), kRounding);
+  // Padding that looks like tissue must not turn tissue into air.
+  for (DicomSlice& slice : slices) {
+    slice.hounsfield = test::hounsfield_at;
+    slice.changes[{0x0028, 0x0120}] = test::short_bytes(0);
+    slice.changes[{0x0028, 0x0121}] = test::short_bytes(2000);
+  }
+  const TemporaryFolder other;
+  test::write_shuffled(other.path(), slices);
+  expect_shows_the_patient(read_dicom_ct(other.path()).volume, kRounding);
+}
+
+/// A folder as a hospital's disc has it: studies in subfolders, and more than images.
+class DicomDisc : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(folder_.path() / "study" / "ct");
+    fs::create_directories(folder_.path() / "study" / "mr");
+    test::write_shuffled(ct(), test::slices_of(small_grid()));
+    DicomSlice mr;
+    mr.modality = "MR";
+    mr.sop_class = "1.2.840.10008.5.1.4.1.1.4";
+    mr.series_uid += ".7";
+    test::write_dicom(folder_.path() / "study" / "mr" / "IM1", mr);
+    std::ofstream(folder_.path() / "README.TXT") << "viewer on this disc";
+    std::ofstream(ct() / "._slice_0.dcm") << "not DICOM, from another system";
+    std::ofstream(ct() / ".DS_Store") << "x";
+  }
+  fs::path ct() const { return folder_.path() / "study" / "ct"; }
+  void add_second_ct() {
+    std::vector<DicomSlice> slices = test::slices_of(small_grid());
+    fs::create_directories(folder_.path() / "study" / "ct2");
+    for (DicomSlice& slice : slices) {
+      slice.series_uid = "1.2.826.0.1.3680043.2.1.2";
+      slice.series_number = 2;
+      slice.hounsfield = [](const Eigen::Vector3d&) { return 77.0; };
+    }
+    test::write_shuffled(folder_.path() / "study" / "ct2", slices);
+  }
+  static bool warned(const LoadedCt& ct, const std::string& what) {
+    for (const std::string& warning : ct.warnings)
+      if (warning.find(what) != std::string::npos) return true;
+    return false;
+  }
+
+  const TemporaryFolder folder_;
+};
+
+TEST_F(DicomDisc, OnlyCtSeriesIsFoundAndTheRestNamed) {
+  const LoadedCt loaded = read_dicom_ct(folder_.path());
+  expect_shows_the_patient(loaded.volume, kRounding);
+  EXPECT_TRUE(warned(loaded, "modality MR"));
+  EXPECT_TRUE(warned(loaded, "3 files that are not DICOM"));
+  EXPECT_TRUE(warned(loaded, "README.TXT"));
+}
+
+TEST_F(DicomDisc, SeriesAreListed) {
+  const std::vector<DicomSeries> found = find_dicom_series(folder_.path());
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].modality, "MR");
+  EXPECT_FALSE(found[0].is_ct);
+  const DicomSeries& series = found[1];
+  EXPECT_EQ(series.modality, "CT");
+  EXPECT_TRUE(series.is_ct);
+  EXPECT_EQ(series.series_uid, DicomSlice().series_uid);
+  EXPECT_EQ(series.slices, 4);
+  EXPECT_EQ(series.columns, 7);
+  EXPECT_EQ(series.rows, 5);
+  EXPECT_LT((series.spacing_mm - small_grid().spacing_mm).norm(), 1e-9);
+  EXPECT_EQ(series.axes, (Eigen::Matrix<double, 3, 2>::Identity()));
+  EXPECT_EQ(series.transfer_syntax_uid, "1.2.840.10008.1.2.1");
+  EXPECT_EQ(series.series_number, 1);
+  EXPECT_TRUE(series.problems.empty());
+}
+
+TEST_F(DicomDisc, OneOfSeveralCtSeriesMustBeChosen) {
+  add_second_ct();
+  DicomReadOptions options;
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {"2 CT series", "series_uid", "1.2.826.0.1.3680043.2.1.1",
+                      "1.2.826.0.1.3680043.2.1.2", "4 slices of 7 x 5"});
+  options.series_uid = "1.2.826.0.1.3680043.2.1.2";
+  EXPECT_EQ(read_dicom_ct(folder_.path(), options).volume.at(3, 3, 3), 77);
+  options.series_uid = "1.2.826.0.1.3680043.2.1.1";
+  const LoadedCt first = read_dicom_ct(folder_.path(), options);
+  expect_shows_the_patient(first.volume, kRounding);
+  EXPECT_TRUE(warned(first, "1.2.826.0.1.3680043.2.1.2 of modality CT"));
+  options.series_uid = "1.2.3";
+  expect_input_error([&] { read_dicom_ct(folder_.path(), options); }, {"'1.2.3'", "among"});
+}
+
+TEST_F(DicomDisc, OneFileStandsForItsSeries) {
+  add_second_ct();
+  expect_shows_the_patient(read_dicom_ct(ct() / "slice_2.dcm").volume, kRounding);
+  EXPECT_EQ(read_ct(folder_.path() / "study" / "ct2" / "slice_0.dcm").volume.at(1, 1, 1), 77);
+  const auto found = find_dicom_series(ct() / "slice_2.dcm");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].slices, 4);
+}
+
+TEST_F(DicomDisc, ReadCtTakesImageFilesAsWell) {
+  const TemporaryFolder other;
+  const CtVolume volume = test::sampled(test::example_grids().back().grid);
+  write_volume(volume, other.path() / "ct.nrrd");
+  const LoadedCt loaded = read_ct(other.path() / "ct.nrrd");
+  EXPECT_EQ(loaded.format, "NRRD");
+  EXPECT_EQ(loaded.volume.voxels, volume.voxels);
+  EXPECT_TRUE(loaded.series_uid.empty());
+  fs::rename(ct(), folder_.path() / "study" / "ct.nii.gz");  // a folder may be called anything
+  EXPECT_EQ(read_ct(folder_.path()).format, "DICOM");
+  EXPECT_EQ(read_ct(folder_.path() / "study" / "ct.nii.gz").format, "DICOM");
+}
+
+TEST_F(DicomDisc, LocalizersReportsAndCapturesAreNoSlices) {
+  DicomSlice localizer;
+  localizer.image_type = "ORIGINAL\\PRIMARY\\LOCALIZER";
+  localizer.axes << 0, 0, 1, 0, 0, 1;
+  test::write_dicom(ct() / "scout.dcm", localizer);
+  DicomSlice capture;
+  capture.sop_class = "1.2.840.10008.5.1.4.1.1.7";
+  capture.changes[{0x0020, 0x0032}] = std::nullopt;
+  test::write_dicom(ct() / "dose.dcm", capture);
+  const LoadedCt loaded = read_dicom_ct(folder_.path());
+  expect_shows_the_patient(loaded.volume, kRounding);
+  EXPECT_TRUE(warned(loaded, "1 localizers (scout.dcm)"));
+  EXPECT_TRUE(warned(loaded, "no CT images (dose.dcm)"));
+}
+
+TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {
+  std::vector<double> fractions;
+  const int before = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const CtVolume one =
+      read_dicom_ct(folder_.path(), {}, [&](double f) { fractions.push_back(f); }).volume;
+  omp_set_num_threads(4);
+  const CtVolume four = read_dicom_ct(folder_.path()).volume;
+  omp_set_num_threads(before);
+  EXPECT_EQ(one.voxels, four.voxels);
+  EXPECT_TRUE(same_grid(one.grid, four.grid));
+  EXPECT_EQ(fractions, (std::vector<double>{0.25, 0.5, 0.75, 1.0}));
+}
+
+TEST_F(DicomDisc, NoPatientIdentifierLeavesTheReader) {
+  add_second_ct();
+  std::string said;
+  for (const DicomSeries& series : find_dicom_series(folder_.path())) {
+    said += series.series_uid + series.modality + series.frame_of_reference_uid;
+    for (const std::string& problem : series.problems) said += problem;
+  }
+  const auto read = [&](const fs::path& path) {
+    try {
+      const LoadedCt loaded = read_dicom_ct(path);
+      for (const std::string& warning : loaded.warnings) said += warning;
+    } catch (const InputError& error) {
+      said += error.what();
+    }
+  };
+  read(folder_.path());
+  read(ct());
+  for (const gdcm::Tag& tag : {gdcm::Tag(0x0028, 0x0010), gdcm::Tag(0x0020, 0x0032),
+                               gdcm::Tag(0x0028, 0x1053), gdcm::Tag(0x0020, 0x000e)}) {
+    DicomSlice bad;
+    bad.changes[tag] = "?";
+    test::write_dicom(ct() / "bad.dcm", bad);
+    read(ct());
+  }
+  EXPECT_GT(said.size(), 500U);
+  for (const std::string& identifier : test::patient_identifiers())
+    EXPECT_EQ(said.find(identifier), std::string::npos) << identifier << " in " << said;
+}
+
+}  // namespace
+}  // namespace usct

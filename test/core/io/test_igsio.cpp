@@ -1,0 +1,451 @@
+#include <gtest/gtest.h>
+#include <itkMetaImageIO.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "core/io/bad_files.h"
+#include "test_data.h"
+#include "us_ct_registration/io/igsio.h"
+
+namespace usct {
+namespace {
+
+using test::expect_input_error;
+using test::spit;
+using test::TemporaryFolder;
+
+const std::string kHeader =
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+    "CompressedData = False\nDimSize = 3 2 2   \nElementSpacing = 1 1 1\nElementType = MET_UCHAR\n"
+    "UltrasoundImageOrientation = MFA\nUltrasoundImageType = BRIGHTNESS\n"
+    "Seq_Frame0000_ProbeToTrackerTransform = 0 -1 0 10 1 0 0 2.0e-016 0 0 1 30 0 0 0 1 \n"
+    "Seq_Frame0000_ProbeToTrackerTransformStatus = OK\n"
+    "Seq_Frame0000_ReferenceToTrackerTransform = 1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n"
+    "Seq_Frame0000_ReferenceToTrackerTransformStatus = OK\n"
+    "Seq_Frame0000_Timestamp = 12.5\nSeq_Frame0000_ImageStatus = OK\n"
+    "Seq_Frame0001_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
+    "Seq_Frame0001_ProbeToTrackerTransformStatus = INVALID\n"
+    "Seq_Frame0001_ReferenceToTrackerTransform = 1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n"
+    "Seq_Frame0001_UnfilteredTimestamp = 13.25\n";
+const std::string kData = "abcdefghijkl";
+
+std::string good_file() { return kHeader + "ElementDataFile = LOCAL\n" + kData; }
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
+  return text.replace(at, from.size(), to);
+}
+
+IgsioSequence read(const std::string& content) {
+  const TemporaryFolder folder;
+  return read_igsio(spit(folder.path() / "sweep.igs.mha", content));
+}
+
+std::string text_of(const OrientedImage& image) {
+  return {image.pixels.begin(), image.pixels.end()};
+}
+
+TEST(Igsio, ReadsPosesStampsStatusAndOtherFields) {
+  const IgsioSequence sequence = read(good_file());
+  EXPECT_EQ(sequence.width, 3);
+  EXPECT_EQ(sequence.height, 2);
+  EXPECT_EQ(sequence.orientation, "MFA");
+  EXPECT_EQ(sequence.image_type, "BRIGHTNESS");
+  EXPECT_EQ(sequence.fields.at("ElementSpacing"), "1 1 1");
+  EXPECT_EQ(sequence.data, test::to_bytes(kData));
+  ASSERT_EQ(sequence.frames.size(), 2U);
+  EXPECT_EQ(sequence.frames[0].timestamp_s, 12.5);
+  EXPECT_EQ(sequence.frames[0].image_status, "OK");
+  const IgsioTransform& probe = sequence.frames[0].transforms.at("ProbeToTracker");
+  EXPECT_TRUE(probe.valid());
+  EXPECT_EQ(probe.T * Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(10, 1 + 2e-16, 30));
+  EXPECT_FALSE(sequence.frames[1].transforms.at("ProbeToTracker").valid());
+  EXPECT_FALSE(sequence.frames[1].transforms.at("ReferenceToTracker").valid());  // no status
+  EXPECT_FALSE(sequence.frames[1].timestamp_s.has_value());
+  EXPECT_EQ(sequence.frames[1].fields.at("UnfilteredTimestamp"), "13.25");
+}
+
+TEST(Igsio, ReadsASingleFrameWithTwoAxesAndDetachedData) {
+  const TemporaryFolder folder;
+  spit(folder.path() / "frame.raw", "abcdefghijkl");
+  const auto read_header = [&](const std::string& name) {
+    return read_igsio(spit(folder.path() / "frame.igs.mhd",
+                           "ObjectType = Image\r\nNDims = 2\r\nDimSize = 3 2\r\n"
+                           "ElementType = MET_SHORT\r\nUltrasoundImageType = RF_REAL\r\n"
+                           "ElementDataFile = " +
+                               name + "\r\n"));
+  };
+  const IgsioSequence sequence = read_header("frame.raw");
+  EXPECT_EQ(sequence.element, IgsioElement::kInt16);
+  EXPECT_EQ(sequence.frames.size(), 1U);
+  EXPECT_EQ(sequence.data.size(), 12U);
+  expect_input_error([&] { read_header("../frame.raw"); }, {"ElementDataFile", "same folder"});
+  expect_input_error([&] { read_header("/etc/passwd"); }, {"ElementDataFile", "same folder"});
+  expect_input_error([&] { read_header("none.raw"); }, {"none.raw", "does not exist"});
+  expect_input_error([&] { read_header("LIST"); }, {"ElementDataFile", "LIST"});
+  expect_input_error([&] { read_header("frame%02d.raw 1 2 1"); }, {"ElementDataFile"});
+}
+
+TEST(Igsio, WhatIsWrittenComesBackAndIsAMetaImageForOtherPrograms) {
+  const IgsioSequence sequence = read(good_file());
+  for (const bool compressed : {false, true}) {
+    const TemporaryFolder folder;
+    const std::string path = (folder.path() / "out.mha").string();
+    write_igsio(sequence, path, compressed);
+    const IgsioSequence back = read_igsio(path);
+    EXPECT_TRUE(is_igsio(path));
+    EXPECT_EQ(back.data, sequence.data);
+    EXPECT_EQ(back.orientation, sequence.orientation);
+    EXPECT_EQ(back.image_type, sequence.image_type);
+    EXPECT_EQ(back.fields, sequence.fields);
+    ASSERT_EQ(back.frames.size(), sequence.frames.size());
+    for (std::size_t i = 0; i < back.frames.size(); ++i) {
+      EXPECT_EQ(back.frames[i].timestamp_s, sequence.frames[i].timestamp_s);
+      EXPECT_EQ(back.frames[i].image_status, sequence.frames[i].image_status);
+      EXPECT_EQ(back.frames[i].fields, sequence.frames[i].fields);
+      ASSERT_EQ(back.frames[i].transforms.size(), sequence.frames[i].transforms.size());
+      for (const auto& [name, transform] : sequence.frames[i].transforms) {
+        EXPECT_EQ(back.frames[i].transforms.at(name).T.matrix(), transform.T.matrix());
+        EXPECT_EQ(back.frames[i].transforms.at(name).status, transform.status);
+      }
+    }
+    const auto io = itk::MetaImageIO::New();
+    ASSERT_TRUE(io->CanReadFile(path.c_str()));
+    io->SetFileName(path);
+    io->ReadImageInformation();
+    ASSERT_EQ(io->GetImageSizeInBytes(), 12);
+    EXPECT_EQ(io->GetDimensions(0), 3U);
+    EXPECT_EQ(io->GetDimensions(2), 2U);
+    itk::ImageIORegion region(3);
+    for (unsigned axis = 0; axis < 3; ++axis) region.SetSize(axis, io->GetDimensions(axis));
+    io->SetIORegion(region);
+    std::vector<std::uint8_t> bytes(12);
+    io->Read(bytes.data());
+    EXPECT_EQ(bytes, test::to_bytes(kData));
+  }
+}
+
+TEST(Igsio, AFileWithTwoAxesIsWrittenWithThree) {
+  const TemporaryFolder folder;
+  const IgsioSequence sequence = read(
+      "ObjectType = Image\nNDims = 2\nDimSize = 3 2\nOffset = 0 0\nTransformMatrix = 1 0 0 1\n"
+      "ElementSpacing = 1 1\nKinds = domain domain\nElementType = MET_UCHAR\n"
+      "ElementDataFile = LOCAL\nabcdef");
+  const std::string path = (folder.path() / "out.mha").string();
+  write_igsio(sequence, path, false);
+  const auto io = itk::MetaImageIO::New();
+  io->SetFileName(path);
+  io->ReadImageInformation();
+  ASSERT_EQ(io->GetNumberOfDimensions(), 3U);
+  EXPECT_EQ(io->GetDimensions(1), 2U);
+  EXPECT_EQ(io->GetDimensions(2), 1U);
+  EXPECT_EQ(io->GetSpacing(1), 1.0);
+}
+
+TEST(Igsio, TurnsFramesBetweenOrientations) {
+  // Rows "abc" (near) and "def" (far), columns from the marked to the other side as stored.
+  IgsioSequence sequence = read(good_file());
+  const auto turned = [&](const std::string& from, const std::string& to) {
+    sequence.orientation = from;
+    return text_of(oriented_frame(sequence, 0, to, "sweep"));
+  };
+  EXPECT_EQ(turned("MF", "MF"), "abcdef");
+  EXPECT_EQ(turned("MFA", "UF"), "cbafed");
+  EXPECT_EQ(turned("MF", "MN"), "defabc");
+  EXPECT_EQ(turned("MF", "UN"), "fedcba");
+  EXPECT_EQ(turned("MF", "FM"), "adbecf");  // columns become contiguous lines
+  EXPECT_EQ(turned("MF", "NM"), "daebfc");
+  EXPECT_EQ(turned("MF", "FU"), "cfbead");
+  EXPECT_EQ(turned("FM", "MF"), "adbecf");
+  EXPECT_EQ(turned("NM", "FM"), "cbafed");
+  EXPECT_EQ(turned("FU", "FM"), "defabc");
+  EXPECT_EQ(turned("UND", "MF"), "fedcba");
+  sequence.orientation = "MF";
+  const OrientedImage image = oriented_frame(sequence, 1, "FM", "sweep");
+  EXPECT_EQ(image.width, 2);
+  EXPECT_EQ(image.height, 3);
+  EXPECT_EQ(text_of(image), "gjhkil");
+  expect_input_error([&] { oriented_frame(sequence, 2, "FM", "sweep"); }, {"sweep", "2 frames"});
+  expect_input_error([&] { oriented_frame(sequence, 0, "FF", "sweep"); }, {"FF"});
+  sequence.orientation = "";
+  expect_input_error([&] { oriented_frame(sequence, 0, "FM", "sweep"); }, {"sweep", "orientation"});
+  sequence.image_type = "RF_REAL";
+  expect_input_error([&] { oriented_frame(sequence, 0, "FM", "sweep"); }, {"sweep", "RF_REAL"});
+}
+
+TEST(Igsio, LinesWithPosesBecomeAPreScanVolume) {
+  ProbeConfig probe;
+  probe.array = LinearArray{{-1.0, 1.0}};
+  probe.sampling.imaging_depth_mm = 6.0;
+  const TrackedSweep sweep{{Eigen::Isometry3d::Identity(), Eigen::Isometry3d::Identity()}, {}};
+  IgsioSequence sequence = read(replaced(good_file(), "MFA", "NM"));
+  const PreScanVolume volume = to_prescan(sequence, probe, sweep, "sweep");
+  EXPECT_EQ(volume.geometry.axial.spacing_mm, 2.0);
+  EXPECT_EQ(volume.at(0, 0, 0), 'c');  // near is last in the file, first in the volume
+  EXPECT_EQ(volume.at(0, 1, 1), 'l');
+  sequence.orientation = "MF";
+  expect_input_error([&] { to_prescan(sequence, probe, sweep, "sweep"); }, {"sweep", "MF", "FM"});
+}
+
+TEST(Igsio, NamesTheFieldThatIsWrong) {
+  const auto refuse = [](const std::string& from, const std::string& to,
+                         std::initializer_list<std::string> fragments) {
+    SCOPED_TRACE(from + " -> " + to);
+    expect_input_error([&] { read(replaced(good_file(), from, to)); }, fragments);
+  };
+  refuse("ObjectType = Image\n", "ObjectType = Mesh\n", {"sweep.igs.mha", "ObjectType"});
+  refuse("NDims = 3", "NDims = 4", {"NDims", "4"});
+  refuse("DimSize = 3 2 2", "DimSize = 3 2", {"DimSize", "3 numbers"});
+  refuse("DimSize = 3 2 2", "DimSize = 3 2 x", {"DimSize", "x"});
+  refuse("DimSize = 3 2 2", "DimSize = 3 2 -2", {"DimSize", "-2"});
+  refuse("DimSize = 3 2 2", "DimSize = 3 2 3", {"DimSize", "18", "12"});
+  refuse("DimSize = 3 2 2", "DimSize = 2147483647 2147483647 2147483647", {"DimSize", "too large"});
+  refuse("DimSize = 3 2 2", "DimSize = 1 1 2147483647", {"DimSize", "2147483647", "12"});
+  refuse("MET_UCHAR", "MET_FLOAT", {"ElementType", "MET_FLOAT"});
+  refuse("MET_UCHAR", "MET_UCHAR\nElementNumberOfChannels = 3", {"ElementNumberOfChannels", "3"});
+  refuse("BRIGHTNESS", "RGB_COLOR", {"UltrasoundImageType", "RGB_COLOR"});
+  refuse("MFA", "MM", {"UltrasoundImageOrientation", "MM"});
+  refuse("MFA", "MFX", {"UltrasoundImageOrientation", "MFX"});
+  refuse("CompressedData = False", "CompressedData = Maybe", {"CompressedData", "Maybe"});
+  refuse("0 0 1 30 0 0 0 1", "0 0 1 30 0 0 1", {"frame 0", "ProbeToTracker", "15", "16"});
+  refuse("0 0 1 30 0 0 0 1", "0 0 1 30 0 0 0 2", {"frame 0", "ProbeToTracker", "last row"});
+  refuse("0 0 1 30 0 0 0 1", "0 0 1 nan 0 0 0 1", {"frame 0", "ProbeToTracker", "nan", "finite"});
+  refuse("Seq_Frame0001_U", "Seq_Frame0002_U", {"frame 2", "2 frames"});
+  refuse("Seq_Frame0001_U", "Seq_Frame-1_U", {"frame -1"});
+  refuse("Seq_Frame0001_U", "Seq_Framex_U", {"Seq_Frame", "x"});
+  refuse("Seq_Frame0001_UnfilteredTimestamp", "Seq_Frame0001", {"Seq_Frame<number>_<name>"});
+  refuse("Timestamp = 12.5", "Timestamp = noon", {"frame 0", "Timestamp", "noon"});
+  refuse("Seq_Frame0000_ImageStatus = OK",
+         "Seq_Frame0000_ImageStatus = OK\nSeq_Frame0000_ImageStatus = OK",
+         {"ImageStatus", "twice"});
+  refuse("Seq_Frame0001_Unfiltered", "nonsense\nSeq_Frame0001_Unfiltered", {"nonsense"});
+  refuse("Seq_Frame0001_UnfilteredTimestamp", "Seq_Frame0001_StylusToTrackerTransformStatus",
+         {"frame 1", "StylusToTracker"});
+  refuse("CompressedData = False", "CompressedData = True", {"compressed data"});
+  refuse("CompressedData = False", "CompressedData = True\nCompressedDataSize = 11",
+         {"CompressedDataSize", "11", "12"});
+  std::string huge = replaced(good_file(), "DimSize = 3 2 2", "DimSize = 2147483647 1000 2");
+  expect_input_error(
+      [&] { read(replaced(huge, "CompressedData = False", "CompressedData = True")); },
+      {"cannot hold"});
+  std::string big = replaced(good_file(), "DimSize = 3 2 2", "DimSize = 3 1 2");
+  big = replaced(big, "OrderMSB = False", "OrderMSB = True");
+  EXPECT_NO_THROW(read(
+      replaced(replaced(good_file(), "OrderMSB = False", "OrderMSB = True"), "3 2 2", "3 2 2")));
+  expect_input_error([&] { read(replaced(big, "MET_UCHAR", "MET_SHORT")); }, {"OrderMSB"});
+}
+
+TEST(Igsio, RefusesBrokenFiles) {
+  const auto read_path = [](const std::filesystem::path& path) { read_igsio(path); };
+  test::expect_refuses_broken_files(read_path, test::to_bytes(good_file()), ".igs.mha");
+  const TemporaryFolder folder;
+  write_igsio(read(good_file()), folder.path() / "compressed.mha", true);
+  test::expect_refuses_broken_files(read_path, test::slurp(folder.path() / "compressed.mha"),
+                                    ".mha");
+}
+
+TEST(Igsio, WhatCannotStandInAHeaderIsNotWritten) {
+  const TemporaryFolder folder;
+  IgsioSequence sequence = read(good_file());
+  sequence.frames[0].fields["Note"] = "a\nElementDataFile = /etc/passwd";
+  expect_input_error([&] { write_igsio(sequence, folder.path() / "out.mha", false); }, {"Note"});
+  sequence = read(good_file());
+  sequence.data.pop_back();
+  expect_input_error([&] { write_igsio(sequence, folder.path() / "out.mha", false); },
+                     {"11", "12"});
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
+  const IgsioFrame frame = read(good_file()).frames[0];
+  IgsioTransforms calibration;
+  IgsioTransform image_to_probe;
+  image_to_probe.T = Eigen::Translation3d(1, 2, 3) * Eigen::Scaling(0.5);
+  image_to_probe.status = "OK";
+  calibration["ImageToProbe"] = image_to_probe;
+  const Eigen::Affine3d T = transform_chain(frame, calibration, "Image", "Reference", "frame 0");
+  // By hand: image (4, 0, 0) -> probe (3, 2, 3) -> tracker (-2 + 10, 3, 33) -> minus (5, 6, 7).
+  EXPECT_LT((T * Eigen::Vector3d(4, 0, 0) - Eigen::Vector3d(3, -3, 26)).norm(), 1e-12);
+  const Eigen::Affine3d back = transform_chain(frame, calibration, "Reference", "Image", "frame 0");
+  EXPECT_LT((back * T).matrix().isIdentity(1e-12) ? 0.0 : 1.0, 0.5);
+  EXPECT_TRUE(
+      transform_chain(frame, calibration, "Probe", "Probe", "frame 0").matrix().isIdentity());
+}
+
+TEST(TransformChain, NamesTheLinkThatIsInvalidOrMissing) {
+  const IgsioSequence sequence = read(good_file());
+  const auto refuse = [&](int frame, const std::string& from, const std::string& to,
+                          std::initializer_list<std::string> fragments) {
+    expect_input_error(
+        [&] {
+          transform_chain(sequence.frames[static_cast<std::size_t>(frame)], {}, from, to,
+                          "frame 1");
+        },
+        fragments);
+  };
+  refuse(1, "Probe", "Tracker", {"frame 1", "'Probe' to 'Tracker'", "ProbeToTracker is INVALID"});
+  refuse(1, "Probe", "Reference",
+         {"ProbeToTracker is INVALID", "ReferenceToTracker is without status"});
+  refuse(0, "Image", "Tracker", {"'Image' to 'Tracker'", "no chain", "nothing"});
+  refuse(0, "Probe", "Image", {"'Probe' to 'Image'", "no chain", "Reference, Tracker"});
+}
+
+TEST(TransformChain, ReadsNamesThatHoldToMoreThanOnce) {
+  IgsioFrame frame;
+  for (const char* name : {"ToolToTracker", "StylusToToolTip", "ToolTipToTool"})
+    frame.transforms[name] = {Eigen::Affine3d(Eigen::Translation3d(1, 0, 0)), "OK"};
+  EXPECT_NEAR(transform_chain(frame, {}, "Stylus", "Tracker", "frame").translation().x(), 3.0,
+              1e-15);
+}
+
+TEST(PlusCalibration, ReadsTheTransformsOfAConfiguration) {
+  const std::string good =
+      "<PlusConfiguration><CoordinateDefinitions>"
+      "<Transform From=\"Image\" To=\"Probe\" Matrix=\" 2 0 0 1\n 0 2 0 2\n 0 0 2 3\n 0 0 0 1\" "
+      "Error=\"0.4\"/>"
+      "</CoordinateDefinitions><Transform From=\"Other\" To=\"Thing\"/></PlusConfiguration>";
+  const TemporaryFolder folder;
+  const auto read_text = [&](const std::string& text) {
+    return read_plus_calibration(spit(folder.path() / "config.xml", text));
+  };
+  const IgsioTransforms transforms = read_text(good);
+  ASSERT_EQ(transforms.size(), 1U);
+  EXPECT_TRUE(transforms.at("ImageToProbe").valid());
+  EXPECT_EQ(transforms.at("ImageToProbe").T * Eigen::Vector3d(1, 1, 1), Eigen::Vector3d(3, 4, 5));
+  const auto refuse = [&](const std::string& from, const std::string& to,
+                          std::initializer_list<std::string> fragments) {
+    expect_input_error([&] { read_text(replaced(good, from, to)); }, fragments);
+  };
+  refuse("From=\"Image\" ", "", {"config.xml", "line 1", "From"});
+  refuse(" 0 0 0 1\"", "\"", {"ImageToProbe", "12", "16"});
+  refuse("2 0 0 1", "x 0 0 1", {"ImageToProbe", "x"});
+  refuse("</CoordinateDefinitions>", "</Other>", {"config.xml", "line 4", "mismatched"});
+  refuse("CoordinateDefinitions>", "Other>", {"config.xml"});
+  expect_input_error([&] { read_text("<PlusConfiguration/>"); }, {"CoordinateDefinitions"});
+  const std::string one =
+      good.substr(good.find("<Transform"), good.find("</Coord") - good.find("<Transform"));
+  refuse("</CoordinateDefinitions>", one + "</CoordinateDefinitions>", {"ImageToProbe", "twice"});
+  test::expect_refuses_broken_files([](const auto& path) { read_plus_calibration(path); },
+                                    test::to_bytes(good), ".xml");
+}
+
+/// What a recording must give, counted in its header with plain text search: no code is shared with
+/// the reader.
+struct Counted {
+  std::string text;
+
+  explicit Counted(const std::filesystem::path& path) {
+    const test::FileBytes bytes = test::slurp(path);
+    text.assign(bytes.begin(), bytes.end());
+    text.resize(text.find("ElementDataFile"));
+  }
+  int lines_with(const std::string& name, const std::string& value = "") const {
+    std::istringstream stream(text);
+    int count = 0;
+    for (std::string line; std::getline(stream, line);) {
+      const std::size_t equals = line.find(" = ");
+      if (equals == std::string::npos || line.substr(0, 9) != "Seq_Frame") continue;
+      const std::string key = line.substr(0, equals);
+      const bool named = key.size() >= name.size() && key.substr(key.size() - name.size()) == name;
+      std::string found = line.substr(equals + 3);
+      while (!found.empty() && (found.back() == ' ' || found.back() == '\r')) found.pop_back();
+      count += named && (value.empty() || found == value) ? 1 : 0;
+    }
+    return count;
+  }
+};
+
+TEST(IgsioRealData, EverySequenceReadsWithAllPosesStampsAndFlags) {
+  const std::filesystem::path folder = test::data_root() / "plus_us";
+  USCT_REQUIRE_DATA(folder);
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.find(".igs.mh") == std::string::npos) continue;
+    SCOPED_TRACE(name);
+    ++files;
+    const Counted counted(entry.path());
+    EXPECT_TRUE(is_igsio(entry.path()));
+    const IgsioSequence sequence = read_igsio(entry.path());
+    int stamps = 0, images_ok = 0, transforms = 0, valid = 0, invalid = 0;
+    double last = -1.0;
+    for (const IgsioFrame& frame : sequence.frames) {
+      stamps += frame.timestamp_s.has_value() ? 1 : 0;
+      EXPECT_GT(frame.timestamp_s.value_or(-2.0), last);
+      last = frame.timestamp_s.value_or(-2.0);
+      images_ok += frame.image_status == "OK" ? 1 : 0;
+      for (const auto& [key, transform] : frame.transforms) {
+        ++transforms;
+        valid += transform.valid() ? 1 : 0;
+        invalid += transform.status == "INVALID" ? 1 : 0;
+        EXPECT_NEAR(transform.T.linear().determinant(), 1.0, 1e-4) << key;
+      }
+    }
+    EXPECT_EQ(stamps, counted.lines_with("_Timestamp"));
+    EXPECT_EQ(static_cast<int>(sequence.frames.size()), stamps);
+    EXPECT_EQ(images_ok, counted.lines_with("_ImageStatus", "OK"));
+    EXPECT_EQ(transforms, counted.lines_with("Transform"));
+    EXPECT_EQ(valid, counted.lines_with("TransformStatus", "OK"));
+    EXPECT_EQ(invalid, counted.lines_with("TransformStatus", "INVALID"));
+    EXPECT_EQ(sequence.data.size(), sequence.frame_bytes() * sequence.frames.size());
+  }
+  EXPECT_EQ(files, 12);
+}
+
+TEST(IgsioRealData, PixelsAreThoseOfItksReader) {
+  const std::filesystem::path path = test::data_root() / "plus_us" / "SpinePhantomFreehand.igs.mha";
+  USCT_REQUIRE_DATA(path);
+  const IgsioSequence sequence = read_igsio(path);
+  const auto io = itk::MetaImageIO::New();
+  io->SetFileName(path.string());
+  io->ReadImageInformation();
+  itk::ImageIORegion region(3);
+  for (unsigned axis = 0; axis < 3; ++axis) region.SetSize(axis, io->GetDimensions(axis));
+  io->SetIORegion(region);
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(io->GetImageSizeInBytes()));
+  io->Read(bytes.data());
+  EXPECT_TRUE(bytes == sequence.data);
+  EXPECT_GT(std::set<std::uint8_t>(bytes.begin(), bytes.end()).size(), 100U);
+}
+
+TEST(IgsioRealData, TheBrightnessFramesFitTheShippedProbe) {
+  const std::filesystem::path path =
+      test::data_root() / "plus_us" / "UltrasonixCurvilinearBrightnessData.igs.mha";
+  USCT_REQUIRE_DATA(path);
+  const ProbeConfig probe =
+      read_probe_config(std::filesystem::path(USCT_SOURCE_DIR) / "config/probes/bpc8-4_10.yaml");
+  const TrackedSweep sweep{std::vector<Eigen::Isometry3d>(5, Eigen::Isometry3d::Identity()), {}};
+  const PreScanVolume volume = to_prescan(read_igsio(path), probe, sweep, path.string());
+  EXPECT_EQ(volume.geometry.samples(), 3640);
+  EXPECT_NEAR(volume.geometry.axial.spacing_mm * 3640, 72.0, 1e-9);
+}
+
+TEST(IgsioRealData, AMovingProbeHasAChainOnlyWhereItWasSeen) {
+  const std::filesystem::path path = test::data_root() / "plus_us" / "NwirePhantomFreehand.igs.mha";
+  USCT_REQUIRE_DATA(path);
+  const IgsioSequence sequence = read_igsio(path);
+  EXPECT_NO_THROW(transform_chain(sequence.frames[0], {}, "Probe", "Reference", "frame 0"));
+  expect_input_error(
+      [&] { transform_chain(sequence.frames[0], {}, "Stylus", "Reference", "frame 0"); },
+      {"StylusToTracker is INVALID"});
+}
+
+TEST(PlusRealData, ReadsTheCalibrationOfADeviceSet) {
+  const std::filesystem::path path =
+      test::data_root() / "plus_us" / "PlusDeviceSet_fCal_Sim_SpatialCalibration_1.2.xml";
+  USCT_REQUIRE_DATA(path);
+  const IgsioTransforms transforms = read_plus_calibration(path);
+  EXPECT_EQ(transforms.size(), 3U);
+  EXPECT_EQ(transforms.at("StylusTipToStylus").T.translation(),
+            Eigen::Vector3d(203.772, -12.283, 1.17469));
+  EXPECT_EQ(transforms.at("PhantomToReference").T.matrix()(1, 1), -0.9996);
+  EXPECT_EQ(transforms.at("ImageToTransducerOriginPixel").T.translation(),
+            Eigen::Vector3d(-410, 5, 0));
+}
+
+}  // namespace
+}  // namespace usct

@@ -1,0 +1,18 @@
+#include "fuzz_main.h"
+#include "io/propello_format.h"
+
+namespace usct::fuzz {
+
+std::vector<io::Bytes> seeds() {
+  PropelloVolumes volumes;
+  volumes.header = {0, 2, 2, 3, 4, 8, 731};
+  volumes.voxels.assign(48, 7);
+  return {io::format_propello(volumes, "seed")};
+}
+
+void check(const io::Bytes& bytes) {
+  const PropelloVolumes volumes = io::parse_propello(bytes, "file");
+  require(io::format_propello(volumes, "file") == bytes);
+}
+
+}  // namespace usct::fuzz
