@@ -96,12 +96,15 @@ Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues,
         const auto own = static_cast<Tissue>(labels.at(i, j, k));
         const Vector3d index(i, j, k);
         const Vector3d p = grid.physical_from_index(index);
-        const double texture_hu = tissues[own].hu_texture *
-                                  texture_at(anatomy, tissues[own], own, p, seed).smooth;
+        const TissueProperties& properties = tissues[own];
+        const double texture_hu =
+            properties.hu_texture == 0.0
+                ? 0.0
+                : properties.hu_texture * texture_at(anatomy, properties, own, p, seed);
         const bool near_ball = near_balls[grid.offset(i, j, k)];
         hu.at(i, j, k) =
             !near_ball && all_neighbours_alike(labels, i, j, k)
-                ? static_cast<float>(tissues[own].hu + texture_hu)
+                ? static_cast<float>(properties.hu + texture_hu)
                 : partial_volume_hu(anatomy, tissues, grid, index, near_ball, own, texture_hu);
       }
   };

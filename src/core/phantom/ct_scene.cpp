@@ -402,7 +402,7 @@ Scene make_ct_scene(std::uint64_t seed, const CtAnatomyInput& input,
   double deepest = 0.0;
   for (const Vector3d& p : scene.kidney_surface_ct_mm)
     deepest = std::max(deepest, (scene.T_ct_probe.inverse() * p).y());
-  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 18.0) / 5.0);
+  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 28.0) / 5.0);
   scene.surface_radius_mm = 120.0;
   scene.suggested_frequency_mhz = 3.5;
   return scene;

@@ -16,7 +16,7 @@ constexpr float kReach = 2.7F;  // standard deviations of the point spread
 constexpr int kFractions = 64;
 // A perfect plane mirror across the beam, relative to the speckle of renal cortex: the level of
 // fat against kidney (7 % reflection) is then some 15 to 20 dB above it, as it looks.
-constexpr float kMirrorLevel = 600.0F;
+constexpr float kMirrorLevel = 900.0F;
 // Diffuse share and narrowness of the reflection of tissue interfaces.
 constexpr float kDiffuse = 0.06F;
 constexpr int kDirectivityPower = 14;

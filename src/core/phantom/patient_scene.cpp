@@ -57,7 +57,7 @@ class PatientAnatomy : public Anatomy {
     if (depth < 0.0) return Tissue::kAir;
     if (const auto bone = bones_.find(p))
       return bone->depth_mm < kCorticalShellMm ? Tissue::kCorticalBone : Tissue::kSpongyBone;
-    if (depth < 60.0)
+    if (depth < kSkinMm + 1.6 * (fat_mm_ + muscle_mm_))
       if (const auto layer = wall_tissue(p, depth)) return *layer;
     if (p.x() > 0.0)
       if (const auto found = kidney_tissue(p)) return *found;
@@ -138,8 +138,9 @@ class PatientAnatomy : public Anatomy {
     if (q.squaredNorm() > 100.0 * 100.0) return std::nullopt;
     if (const auto found = kidney_.tissue(q)) return found;
     // More fat behind and below the kidney than in front of it.
-    const double rho = kidney_.radial(q - Vector3d(-3.0, 1.0, 0.0)) *
-                       (1.0 + 0.05 * smooth_noise(hash(seed_, 3), p / 22.0));
+    double rho = kidney_.radial(q - Vector3d(-3.0, 1.0, 0.0));
+    if (rho > 1.3 * gerota_) return std::nullopt;
+    rho *= 1.0 + 0.05 * smooth_noise(hash(seed_, 3), p / 22.0);
     if (rho < gerota_) return Tissue::kPerirenalFat;
     if (rho < gerota_ + 0.022) return Tissue::kFascia;
     return std::nullopt;
@@ -185,16 +186,20 @@ class PatientAnatomy : public Anatomy {
     return std::nullopt;
   }
 
+  /// An ellipsoid with a wavy surface.
+  bool within_organ(const Vector3d& p, const Vector3d& centre, const Vector3d& radii) const {
+    const double rho = (p - centre).cwiseQuotient(radii).squaredNorm();
+    if (rho < 0.7 || rho > 1.3) return rho < 1.0;
+    return rho < 1.0 + 0.06 * smooth_noise(hash(seed_, 4), p / 30.0);
+  }
+
   Tissue interior_tissue(const Vector3d& p) const {
     if (const auto spine = spine_tissue(p)) return *spine;
     if (const auto found = muscle_or_vessel(p)) return *found;
-    const double dome = 0.06 * smooth_noise(hash(seed_, 4), p / 30.0);
-    if (ellipse(p.x() - 72.0, 74.0, p.y() - 22.0, 92.0, p.z() - 190.0, 112.0) < 1.0 + dome)
-      return Tissue::kGas;  // lung
+    if (within_organ(p, {72.0, 22.0, 190.0}, {74.0, 92.0, 112.0})) return Tissue::kGas;  // lung
     if (right_) {
-      if (ellipse(p.x() - 42.0, 82.0, p.y() + 38.0, 72.0, p.z() - 62.0, 92.0) < 1.0 + dome)
-        return Tissue::kLiver;
-    } else if (ellipse(p.x() - 86.0, 34.0, p.y() - 12.0, 52.0, p.z() - 72.0, 50.0) < 1.0 + dome) {
+      if (within_organ(p, {42.0, -38.0, 62.0}, {82.0, 72.0, 92.0})) return Tissue::kLiver;
+    } else if (within_organ(p, {86.0, 12.0, 72.0}, {34.0, 52.0, 50.0})) {
       return Tissue::kSpleen;
     }
     if (const auto found = bowel_tissue(p)) return *found;
@@ -364,7 +369,7 @@ Scene make_patient_scene(std::uint64_t seed, const AnatomyOptions& options) {
   double deepest = 0.0;
   for (const Vector3d& p : scene.kidney_surface_ct_mm)
     deepest = std::max(deepest, (scene.T_ct_probe.inverse() * p).y());
-  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 18.0) / 5.0);
+  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 28.0) / 5.0);
   scene.surface_radius_mm = 95.0;
   scene.suggested_frequency_mhz = 3.5;
   return scene;

@@ -116,11 +116,12 @@ Receiver::Receiver(const UltrasoundOptions& options, double frequency_mhz,
     }
 }
 
-double Receiver::gain_db(int frame, int line, int sample) const {
+double Receiver::line_gain_error_db(int frame, int line) const {
   const double lateral = smooth_noise(hash(seed_, 1), {line / 14.0, frame / 40.0, 0.0});
   const double over_time = smooth_noise(hash(seed_, 2), {frame / 5.0, 0.0, 0.0});
-  return tgc_db_[static_cast<std::size_t>(sample)] + options_.lateral_gain_error_db * lateral +
-         options_.frame_gain_error_db * over_time;
+  const double from_middle = std::abs(2.0 * line / (lines_ - 1) - 1.0);
+  return options_.lateral_gain_error_db * lateral + options_.frame_gain_error_db * over_time -
+         options_.edge_loss_db * std::pow(from_middle, 5.0);
 }
 
 int Receiver::lines_without_contact(int frame) const {
@@ -156,7 +157,7 @@ std::vector<float> Receiver::envelope(std::vector<std::complex<float>> signal, i
   const int dead = lines_without_contact(frame);
   for (int l = 0; l < lines_; ++l) {
     const bool contact = no_contact_at_end_ ? l < lines_ - dead : l >= dead;
-    const double line_gain_db = gain_db(frame, l, 0) - tgc_db_[0];
+    const double line_gain_db = line_gain_error_db(frame, l);
     for (int s = 0; s < samples_; ++s) {
       const auto n = static_cast<std::size_t>(l * samples_ + s);
       std::complex<float>& z = signal[n];

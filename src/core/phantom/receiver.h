@@ -22,7 +22,7 @@ class Receiver {
   std::vector<float> envelope(std::vector<std::complex<float>> echoes, int frame) const;
 
  private:
-  double gain_db(int frame, int line, int sample) const;
+  double line_gain_error_db(int frame, int line) const;
   void add_haze(std::vector<std::complex<float>>& signal, int frame) const;
   int lines_without_contact(int frame) const;
 

@@ -82,9 +82,12 @@ class ScattererMaker {
                   ScattererField::Block& block) const {
     const TissueProperties& properties = tissues_[tissue];
     if (properties.echogenicity_db < -200.0) return;
-    const Texture texture = texture_at(*body_.scene().anatomy, properties, tissue, p, seed_);
-    const double level_db = properties.echogenicity_db + properties.texture_db * texture.smooth +
-                            properties.septa_db * texture.sheet;
+    const Anatomy& anatomy = *body_.scene().anatomy;
+    double level_db = properties.echogenicity_db;
+    if (properties.texture_db > 0.0)
+      level_db += properties.texture_db * texture_at(anatomy, properties, tissue, p, seed_);
+    if (properties.septa_db > 0.0)
+      level_db += properties.septa_db * sheet_at(anatomy, properties, tissue, p, seed_);
     const double amplitude =
         std::sqrt(kPitch * kPitch * kPitch) * std::pow(10.0, level_db / 20.0) * normal(hash(h, 3));
     block.volume.push_back({body_.placement().probe_from_ct(p).cast<float>(),
