@@ -85,8 +85,8 @@ float partial_volume_hu(const Anatomy& anatomy, const TissueTable& tissues, cons
   return static_cast<float>(sum / (kSupersampling * kSupersampling * kSupersampling));
 }
 
-Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues,
-                      const LabelVolume& labels, std::uint64_t seed, const Progress& progress) {
+Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues, const LabelVolume& labels,
+                      std::uint64_t seed, const Progress& progress) {
   const Grid& grid = labels.grid;
   const std::vector<bool> near_balls = voxels_near_balls(anatomy.balls(), grid);
   Volume<float> hu(grid);
@@ -162,8 +162,8 @@ void CtOptions::validate() const {
   for (const char letter : axes)
     if (const int axis = axis_of_letter(letter).first; axis >= 0) seen |= 1 << axis;
   if (axes.size() != 3 || seen != 7)
-    throw InputError("phantom options", "'ct.axes' is '" + axes +
-                                            "', must hold one each of L or R, P or A, S or I");
+    throw InputError("phantom options",
+                     "'ct.axes' is '" + axes + "', must hold one each of L or R, P or A, S or I");
 }
 
 Grid ct_grid(const CtOptions& options, const Vector3d& centre_mm) {
@@ -221,8 +221,8 @@ void add_ct_noise(CtVolume& ct, double noise_hu, std::uint64_t seed) {
   if (noise_hu <= 0.0) return;
   const Volume<float> noise = band_pass_noise(ct.grid, hash(seed, 0xC7));
   for (std::size_t i = 0; i < ct.voxels.size(); ++i)
-    ct.voxels[i] = whole_hu(static_cast<float>(ct.voxels[i]) +
-                            static_cast<float>(noise_hu) * noise.voxels[i]);
+    ct.voxels[i] =
+        whole_hu(static_cast<float>(ct.voxels[i]) + static_cast<float>(noise_hu) * noise.voxels[i]);
 }
 
 }  // namespace usct::phantom
