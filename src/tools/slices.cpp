@@ -30,7 +30,7 @@ struct SlicesOptions {
 };
 
 constexpr int kCheckerboardSquares = 6;
-constexpr double kPointDistanceMm = 0.75;
+constexpr double kPointDistanceMm = 1.0;
 const Picture::Colour kPointColour(255, 60, 60);
 
 Eigen::Vector3d centre(const SlicesOptions& options, const Grid& grid,
@@ -51,7 +51,7 @@ std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
   const int square = std::max(1, plane.width / kCheckerboardSquares);
   std::vector<Picture> pictures{ultrasound, computed, blend(ultrasound, computed),
                                 checkerboard(ultrasound, computed, square)};
-  const char* kinds[] = {"US", "CT", "US cyan, CT orange", "US and CT"};
+  const char* kinds[] = {"US", "CT", "US blue, CT orange", "US and CT"};
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     draw_points(pictures[i], plane, points_us_mm, kPointDistanceMm, kPointColour);
     draw_text(pictures[i], plane.name + ": " + kinds[i], 6, 16);

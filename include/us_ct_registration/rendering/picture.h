@@ -33,7 +33,8 @@ struct Picture {
 /// Writes text with its lower left corner at (x, y), in white with a black edge.
 void draw_text(Picture& picture, const std::string& text, int x, int y);
 
-/// Pictures in rows and columns with a thin gap; each cell as large as the largest picture.
+/// Pictures in rows and columns with a thin gap; a row is as high as its highest picture, a column
+/// as wide as its widest.
 Picture tile(const std::vector<std::vector<Picture>>& rows);
 
 /// Atomic. Throws InputError if the path does not end in .png or cannot be written.

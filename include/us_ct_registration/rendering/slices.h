@@ -45,10 +45,11 @@ Picture render_us(const UsVolume& us, const MaskVolume& mask, const SlicePlane& 
 Picture render_ct(const CtVolume& ct, const Eigen::Isometry3d& T_us_ct, CtWindow window,
                   const SlicePlane& plane);
 
-/// CT in orange over ultrasound in cyan: where both are bright the picture is white.
+/// CT in orange, ultrasound in blue: where both are bright the picture is white.
 Picture blend(const Picture& us, const Picture& ct);
 
-/// Draws the points (mm, frame of the plane) that lie within `distance_mm` of the plane.
+/// Draws the points (mm, frame of the plane) that lie within `distance_mm` of the plane, 3 pixels
+/// wide.
 void draw_points(Picture& picture, const SlicePlane& plane,
                  const std::vector<Eigen::Vector3d>& points_mm, double distance_mm,
                  const Picture::Colour& colour);

@@ -1,6 +1,7 @@
 #include "us_ct_registration/rendering/picture.h"
 
 #include <algorithm>
+#include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -11,6 +12,13 @@ namespace usct {
 namespace {
 
 constexpr int kGapPx = 4;
+constexpr std::uint8_t kGapGrey = 60;
+
+int row_height(const std::vector<Picture>& row) {
+  int height = 0;
+  for (const Picture& picture : row) height = std::max(height, picture.height);
+  return height;
+}
 
 cv::Mat as_mat(Picture& picture) {
   return {picture.height, picture.width, CV_8UC3, picture.pixels.data()};
@@ -28,29 +36,29 @@ void draw_text(Picture& picture, const std::string& text, int x, int y) {
 }
 
 Picture tile(const std::vector<std::vector<Picture>>& rows) {
-  int width = 0;
-  int height = 0;
-  std::size_t columns = 0;
+  std::vector<int> widths;  // per column
+  int sheet_height = -kGapPx;
   for (const auto& row : rows) {
-    columns = std::max(columns, row.size());
-    for (const Picture& picture : row) {
-      width = std::max(width, picture.width);
-      height = std::max(height, picture.height);
-    }
+    widths.resize(std::max(widths.size(), row.size()));
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].width);
+    sheet_height += row_height(row) + kGapPx;
   }
-  const auto span = [](std::size_t count, int size) {
-    return count == 0 ? 0 : static_cast<int>(count) * (size + kGapPx) - kGapPx;
-  };
-  Picture sheet(span(columns, width), span(rows.size(), height));
-  std::fill(sheet.pixels.begin(), sheet.pixels.end(), std::uint8_t{60});
-  for (std::size_t r = 0; r < rows.size(); ++r)
-    for (std::size_t c = 0; c < rows[r].size(); ++c) {
-      const Picture& picture = rows[r][c];
-      for (int y = 0; y < picture.height; ++y)
-        std::copy_n(picture.pixel(0, y), 3 * picture.width,
-                    sheet.pixel(static_cast<int>(c) * (width + kGapPx),
-                                static_cast<int>(r) * (height + kGapPx) + y));
+  const int sheet_width = std::accumulate(widths.begin(), widths.end(), -kGapPx,
+                                          [](int sum, int w) { return sum + w + kGapPx; });
+  if (rows.empty() || widths.empty()) return {};
+
+  Picture sheet(sheet_width, sheet_height);
+  std::fill(sheet.pixels.begin(), sheet.pixels.end(), kGapGrey);
+  int top = 0;
+  for (const auto& row : rows) {
+    int left = 0;
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      for (int y = 0; y < row[c].height; ++y)
+        std::copy_n(row[c].pixel(0, y), 3 * row[c].width, sheet.pixel(left, top + y));
+      left += widths[c] + kGapPx;
     }
+    top += row_height(row) + kGapPx;
+  }
   return sheet;
 }
 
