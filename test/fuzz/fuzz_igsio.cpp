@@ -17,7 +17,10 @@ std::vector<io::Bytes> seeds() {
       "Seq_Frame0000_ProbeToTrackerTransformStatus = OK\nSeq_Frame0000_Timestamp = 1.5\n"
       "Seq_Frame0001_ImageStatus = OK\nElementDataFile = LOCAL\nabcdefghijkl");
   const IgsioSequence sequence = io::parse_igsio(raw, "seed", no_other_file);
-  return {raw, io::format_igsio(sequence, true, "seed")};
+  const io::Bytes absurd = bytes_of(
+      "ObjectType = Image\nNDims = 3\nCompressedData = True\nDimSize = 2 2 99999999\n"
+      "ElementType = MET_SHORT\nElementDataFile = LOCAL\nabcdefghijkl");
+  return {raw, io::format_igsio(sequence, true, "seed"), absurd};
 }
 
 void check(const io::Bytes& bytes) {

@@ -11,8 +11,8 @@
 #include "io/bytes.h"
 #include "us_ct_registration/error.h"
 
-/// What the fuzz targets share. A target gives two functions: `seeds`, a few good files to start
-/// from, and `check`, which parses bytes and may throw InputError, but nothing else.
+/// What the fuzz targets share. A target gives two functions: `seeds`, a few good and absurd files
+/// to start from, and `check`, which parses bytes and may throw InputError, but nothing else.
 ///
 /// The corpus folder is the last argument of the command line; it is made anew at the start, so
 /// that every run is the same.
@@ -24,6 +24,16 @@ void check(const io::Bytes& bytes);
 /// A broken promise, other than a crash that the sanitizers see.
 inline void require(bool condition) {
   if (!condition) std::abort();
+}
+
+/// What has been accepted must go on without a refusal.
+template <typename Action>
+auto accepted(const Action& action) {
+  try {
+    return action();
+  } catch (const InputError&) {
+    std::abort();
+  }
 }
 
 inline io::Bytes bytes_of(const std::string& text) { return {text.begin(), text.end()}; }

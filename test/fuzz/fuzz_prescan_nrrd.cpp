@@ -9,9 +9,10 @@ io::Bytes no_other_file(const std::string& name) { throw InputError(name, "does 
 }  // namespace
 
 std::vector<io::Bytes> seeds() {
-  const std::string head =
-      "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 3 2 2\nencoding: raw\n"
-      "start_depth_mm:=1.5\nsample_spacing_mm:=0.308\n";
+  const std::string magic = "NRRD0004\ntype: uchar\ndimension: 3\n";
+  const std::string head = magic +
+                           "sizes: 3 2 2\nencoding: raw\n"
+                           "start_depth_mm:=1.5\nsample_spacing_mm:=0.308\n";
   const io::Bytes motorised =
       bytes_of(head +
                "usct_geometry:=motorised_curvilinear\nprobe_radius_mm:=40\nmotor_radius_mm:=27\n"
@@ -23,7 +24,13 @@ std::vector<io::Bytes> seeds() {
                "frame_poses_mm:=1 0 0 1 0 1 0 2 0 0 1 3; 0 -1 0 1 1 0 0 2 0 0 1 3\n\nabcdefghijkl");
   const io::Bytes compressed =
       io::format_prescan_nrrd(io::parse_prescan_nrrd(motorised, "seed", no_other_file));
-  return {motorised, tracked, compressed};
+  const io::Bytes absurd =
+      bytes_of(magic +
+               "sizes: 2 99999999 2\nencoding: gzip\nstart_depth_mm:=0\nsample_spacing_mm:=1\n"
+               "usct_geometry:=motorised_curvilinear\nprobe_radius_mm:=40\nmotor_radius_mm:=27\n"
+               "line_pitch_deg:=1e-8\nframe_pitch_deg:=1\n\n" +
+               std::string(compressed.end() - 20, compressed.end()));
+  return {motorised, tracked, compressed, absurd};
 }
 
 void check(const io::Bytes& bytes) {

@@ -34,13 +34,14 @@ class Anatomy {
   std::vector<Ball> balls_;
 };
 
-/// Smooth variations of a tissue at a point; the same ones for CT and ultrasound.
-struct Texture {
-  double smooth = 0.0;  // mean 0, standard deviation 1
-  double sheet = 0.0;   // 0 off the fibrous sheets, 1 on them
-};
-Texture texture_at(const Anatomy& anatomy, const TissueProperties& properties, Tissue tissue,
-                   const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
+/// Smooth variations of a tissue at a point, the same ones for CT and ultrasound: mean 0, standard
+/// deviation 1.
+double texture_at(const Anatomy& anatomy, const TissueProperties& properties, Tissue tissue,
+                  const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
+
+/// Fibrous sheets in a tissue: 1 on them, falling to 0 beside.
+double sheet_at(const Anatomy& anatomy, const TissueProperties& properties, Tissue tissue,
+                const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
 
 /// An anatomy, what is known about it, and how a probe looks at it.
 struct Scene {

@@ -53,24 +53,25 @@ struct AnatomyOptions {
 /// From which side the probe looks at a real CT.
 enum class Approach { kAuto, kLateral, kPosterior, kAnterior };
 
-/// A CT that becomes the anatomy. Labels say which tissue a voxel is; what they leave open is
+/// "auto", "lateral", "posterior", "anterior". Throws InputError, naming `source`.
+Approach parse_approach(const std::string& text, const std::string& source);
+std::string to_string(Approach approach);
+
+/// How a CT becomes the anatomy. Labels say which tissue a voxel is; what they leave open is
 /// classified by HU.
-struct CtAnatomyInput {
-  CtVolume ct;
-  /// On any grid; empty if there is none.
-  LabelVolume labels;
+struct FromCtOptions {
   /// Tissue of each label. `Tissue::kCortex` stands for a whole kidney: medulla and sinus are then
   /// made up inside.
   std::map<int, Tissue> tissue_of_label;
-  /// The label of the kidney to look at. Without labels: a point in it.
+  /// The label of the kidney to look at, or, without labels, a point in it (targets are then on a
+  /// sphere of 30 mm radius around it).
   std::optional<int> kidney_label;
   std::optional<Eigen::Vector3d> kidney_centre_mm;
   Approach approach = Approach::kAuto;
-  /// Voxels of at least this HU are bone (stone within a kidney). To be raised where contrasted
-  /// vessels are brighter.
+  /// Voxels of at least this HU are bone; [50, 3000]. To be raised where contrasted vessels are
+  /// brighter. Stones in a kidney are 100 HU above it.
   double bone_hu = 200.0;
-  /// Standard deviation of noise that is added to the CT that is handed out, HU; 0 leaves it as it
-  /// is.
+  /// Standard deviation of noise that is added to the CT that is handed out, HU; [0, 200].
   double added_noise_hu = 0.0;
 };
 
@@ -81,6 +82,7 @@ struct PhantomOptions {
   CtOptions ct;
   SweepOptions sweep;
   UltrasoundOptions ultrasound;
+  FromCtOptions from_ct;
 
   /// Throws InputError naming the option, its value and its range.
   void validate() const;
@@ -123,11 +125,19 @@ struct PhantomCase {
 /// InputError for options out of range, and for the scene from-ct, which needs a CT.
 PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress = {});
 
-/// A phantom case whose anatomy is a CT; `options.scene` must be from-ct, `options.ct` is not used.
-PhantomCase make_phantom_from_ct(const CtAnatomyInput& input, const PhantomOptions& options,
-                                 const Progress& progress = {});
+/// A phantom case whose anatomy is a CT, which is handed out as it is (with noise added on
+/// request). `labels` may lie on any grid, and be empty where `options.from_ct` names no label.
+/// `options.scene` must be from-ct; `options.ct` and what else belongs to the other scenes is not
+/// used.
+PhantomCase make_phantom_from_ct(const CtVolume& ct, const LabelVolume& labels,
+                                 const PhantomOptions& options, const Progress& progress = {});
 
-/// Everything about a case except its voxels, as JSON: version, seed, options, truth, true geometry.
+/// The harder setting of the same scene: 40 % of the contrast, weak ultrasound, 15 bubbles, errors
+/// of the sweep and of the sound speed, a smaller field of view.
+PhantomOptions made_hard(PhantomOptions options);
+
+/// Everything about a case except its voxels, as JSON: version, seed, options, truth, true
+/// geometry, names of the labels.
 std::string describe_json(const PhantomCase& phantom);
 
 }  // namespace usct::phantom

@@ -68,7 +68,7 @@ struct Acquisition {
 
 /// A sweep with a depth of `depth_mm` over a surface that curves away from the middle of the sweep
 /// with `surface_radius_mm` (tracked probes follow it).
-Acquisition make_acquisition(const SweepOptions& options, double depth_mm,
-                             double surface_radius_mm, std::uint64_t seed);
+Acquisition make_acquisition(const SweepOptions& options, double depth_mm, double surface_radius_mm,
+                             std::uint64_t seed);
 
 }  // namespace usct::phantom

@@ -22,7 +22,7 @@ struct UltrasoundOptions {
   /// Range of levels that the 8 bits show, dB; [20, 120].
   double dynamic_range_db = 60.0;
   /// Grey value of renal cortex if gain and TGC were perfect; [1, 254].
-  double cortex_grey = 80.0;
+  double cortex_grey = 95.0;
   /// Depth at which the electronic noise drowns soft tissue (0.5 dB/cm/MHz), mm; smaller is a
   /// weaker scanner; [10, 1000].
   double penetration_mm = 150.0;
@@ -34,6 +34,8 @@ struct UltrasoundOptions {
   /// [0, 20].
   double lateral_gain_error_db = 1.5;
   double frame_gain_error_db = 0.7;
+  /// Loss at the outermost lines, where part of the aperture is missing, dB; [0, 40].
+  double edge_loss_db = 7.0;
   /// Haze from side lobes and multiple scattering, relative to the tissue around, dB; [-120, 0].
   double clutter_db = -24.0;
   /// Ring-down of the array at its surface, relative to cortex, dB; [-120, 40].

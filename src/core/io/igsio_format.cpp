@@ -123,7 +123,7 @@ IgsioElement take_element(Fields& fields, const std::string& source) {
 }
 
 std::string take_orientation(Fields& fields, const std::string& source) {
-  const std::string text = take(fields, "UltrasoundImageOrientation").value_or("");
+  std::string text = take(fields, "UltrasoundImageOrientation").value_or("");
   static constexpr std::array<std::string_view, 8> kInPlane = {"MF", "MN", "UF", "UN",
                                                                "FM", "FU", "NM", "NU"};
   const std::string_view in_plane = std::string_view(text).substr(0, 2);
@@ -148,7 +148,7 @@ std::string take_image_type(Fields& fields, const std::string& source) {
 
 IgsioFrame parse_frame(const Fields& fields, int number, const std::string& source) {
   IgsioFrame frame;
-  const std::string where = "frame " + std::to_string(number) + " ";
+  std::string where = "frame " + std::to_string(number) + " ";
   for (const auto& [name, value] : fields) {
     if (name == "Timestamp")
       frame.timestamp_s = parse_double(value, source, where + name);
@@ -162,10 +162,12 @@ IgsioFrame parse_frame(const Fields& fields, int number, const std::string& sour
     else
       frame.fields.emplace(name, value);
   }
-  for (const auto& [name, transform] : frame.transforms)
-    if (fields.count(name + std::string(kTransform)) == 0)
-      throw InputError(source,
-                       where + name + "TransformStatus stands without " + name + "Transform");
+  for (const auto& [name, transform] : frame.transforms) {
+    std::string field = name;
+    field += kTransform;
+    if (fields.count(field) == 0)
+      throw InputError(source, where.append("has a status, but no field ").append(field));
+  }
   return frame;
 }
 

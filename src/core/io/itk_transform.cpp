@@ -87,6 +87,8 @@ void with_input_errors(const std::string& source, const Action& action) {
     throw InputError(source, violation + description(error));
   } catch (const H5::Exception& error) {
     throw InputError(source, violation + error.getDetailMsg());
+  } catch (const std::exception& error) {  // ITK's own text handling stumbles over foreign names
+    throw InputError(source, violation + error.what());
   }
 }
 

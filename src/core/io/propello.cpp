@@ -9,7 +9,9 @@ namespace usct {
 bool is_propello(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kPropelloHeaderBytes);
-    io::parse_propello_header(prefix, std::filesystem::file_size(path), path.string());
+    std::error_code error;  // then the size is one that fits no header
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    io::parse_propello_header(prefix, size, path.string());
     return true;
   } catch (const InputError&) {
     return false;

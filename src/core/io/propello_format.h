@@ -8,7 +8,7 @@
 /// The format of propello.h in memory, without files (and therefore open to fuzzing).
 namespace usct::io {
 
-constexpr std::size_t kPropelloHeaderBytes = 7 * 4;
+constexpr std::size_t kPropelloHeaderBytes = 28;  // 7 x int32
 
 /// The header, checked against the size of the whole file.
 PropelloHeader parse_propello_header(const Bytes& prefix, std::uint64_t file_size,

@@ -59,13 +59,14 @@ class Members {
   }
   template <int N>
   RowMajor<N> matrix(const char* name) const {
+    constexpr std::size_t kCount = std::size_t{N} * N;
     const Json& values = at(name);
-    if (!values.is_array() || values.size() != N * N)
-      fail(name, "must be " + std::to_string(N * N) + " numbers");
+    if (!values.is_array() || values.size() != kCount)
+      fail(name, "must be " + std::to_string(kCount) + " numbers");
     RowMajor<N> matrix;
-    for (int i = 0; i < N * N; ++i) {
-      const Json& value = values[static_cast<std::size_t>(i)];
-      if (!value.is_number()) fail(name, "must be " + std::to_string(N * N) + " numbers");
+    for (std::size_t i = 0; i < kCount; ++i) {
+      const Json& value = values[i];
+      if (!value.is_number()) fail(name, "must be " + std::to_string(kCount) + " numbers");
       matrix.data()[i] = value.get<double>();
     }
     return matrix;

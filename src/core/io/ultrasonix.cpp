@@ -36,7 +36,9 @@ RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeCo
 bool is_ultrasonix(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kUltrasonixHeaderBytes);
-    io::parse_ultrasonix_header(prefix, std::filesystem::file_size(path), path.string());
+    std::error_code error;  // then the size is one that fits no header
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    io::parse_ultrasonix_header(prefix, size, path.string());
     return true;
   } catch (const InputError&) {
     return false;

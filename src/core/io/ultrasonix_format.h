@@ -8,7 +8,7 @@
 /// The format of ultrasonix.h in memory, without files (and therefore open to fuzzing).
 namespace usct::io {
 
-constexpr std::size_t kUltrasonixHeaderBytes = 19 * 4;
+constexpr std::size_t kUltrasonixHeaderBytes = 76;  // 19 x int32
 
 /// The header, checked against the size of the whole file, and the bytes before each frame (0 or
 /// 4).

@@ -55,10 +55,11 @@ class AgarAnatomy : public Anatomy {
     // Box y (down) is CT y (posterior): the surface faces up. The origin of a CT is arbitrary.
     const Vector3d origin(random.between(-60.0, 60.0), random.between(-120.0, -40.0),
                           random.between(-900.0, 300.0));
-    const Isometry3d T_ct_box = Translation3d(origin) *
-                                AngleAxisd(random.between(-20.0, 20.0) * kDegree, Vector3d::UnitY()) *
-                                AngleAxisd(random.gaussian(0.0, 1.5) * kDegree, Vector3d::UnitX()) *
-                                AngleAxisd(random.gaussian(0.0, 1.5) * kDegree, Vector3d::UnitZ());
+    const Isometry3d T_ct_box =
+        Translation3d(origin) *
+        AngleAxisd(random.between(-20.0, 20.0) * kDegree, Vector3d::UnitY()) *
+        AngleAxisd(random.gaussian(0.0, 1.5) * kDegree, Vector3d::UnitX()) *
+        AngleAxisd(random.gaussian(0.0, 1.5) * kDegree, Vector3d::UnitZ());
     T_box_ct_ = T_ct_box.inverse();
   }
 

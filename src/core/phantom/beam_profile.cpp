@@ -43,8 +43,7 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
     const double depth = (i + 0.5) / kStepsPerMm;
     const OneWay transmit =
         focused_beam(options.aperture_mm, transmit_focus_mm, depth, wavelength_mm_);
-    const double receive =
-        kDiffraction * wavelength_mm_ * depth / (2.0 * half_aperture_mm(depth));
+    const double receive = kDiffraction * wavelength_mm_ * depth / (2.0 * half_aperture_mm(depth));
     const OneWay lens = focused_beam(options.elevation_aperture_mm, options.elevation_focus_mm,
                                      depth, wavelength_mm_);
     // Widths of products of Gaussians.
@@ -66,13 +65,11 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
   // Scattering cells of energy 1 per mm^3 add up to level 1 (see ScattererField).
   const double energy = std::pow(kPi, 1.5) * axial_sigma_mm_ * narrowest;
   for (BeamWidth& width : table_) width.speckle_scale /= static_cast<float>(std::sqrt(energy));
-  for (BeamWidth& width : table_)
-    width.plane_scale /= static_cast<float>(2.0 * kPi * narrowest);
+  for (BeamWidth& width : table_) width.plane_scale /= static_cast<float>(2.0 * kPi * narrowest);
 }
 
 double BeamProfile::half_aperture_mm(double depth_mm) const {
-  return 0.5 *
-         std::clamp(depth_mm / options_.f_number, kSmallestApertureMm, options_.aperture_mm);
+  return 0.5 * std::clamp(depth_mm / options_.f_number, kSmallestApertureMm, options_.aperture_mm);
 }
 
 }  // namespace usct::phantom

@@ -30,8 +30,7 @@ class BeamProfile {
 
   const BeamWidth& at(float depth_mm) const {
     const int i = static_cast<int>(depth_mm * kStepsPerMm);
-    return table_[static_cast<std::size_t>(
-        std::clamp(i, 0, static_cast<int>(table_.size()) - 1))];
+    return table_[static_cast<std::size_t>(std::clamp(i, 0, static_cast<int>(table_.size()) - 1))];
   }
   /// Half the aperture used to receive from a depth, mm.
   double half_aperture_mm(double depth_mm) const;

@@ -85,8 +85,8 @@ float partial_volume_hu(const Anatomy& anatomy, const TissueTable& tissues, cons
   return static_cast<float>(sum / (kSupersampling * kSupersampling * kSupersampling));
 }
 
-Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues,
-                      const LabelVolume& labels, std::uint64_t seed, const Progress& progress) {
+Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues, const LabelVolume& labels,
+                      std::uint64_t seed, const Progress& progress) {
   const Grid& grid = labels.grid;
   const std::vector<bool> near_balls = voxels_near_balls(anatomy.balls(), grid);
   Volume<float> hu(grid);
@@ -96,12 +96,15 @@ Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues,
         const auto own = static_cast<Tissue>(labels.at(i, j, k));
         const Vector3d index(i, j, k);
         const Vector3d p = grid.physical_from_index(index);
-        const double texture_hu = tissues[own].hu_texture *
-                                  texture_at(anatomy, tissues[own], own, p, seed).smooth;
+        const TissueProperties& properties = tissues[own];
+        const double texture_hu =
+            properties.hu_texture == 0.0
+                ? 0.0
+                : properties.hu_texture * texture_at(anatomy, properties, own, p, seed);
         const bool near_ball = near_balls[grid.offset(i, j, k)];
         hu.at(i, j, k) =
             !near_ball && all_neighbours_alike(labels, i, j, k)
-                ? static_cast<float>(tissues[own].hu + texture_hu)
+                ? static_cast<float>(properties.hu + texture_hu)
                 : partial_volume_hu(anatomy, tissues, grid, index, near_ball, own, texture_hu);
       }
   };
@@ -159,8 +162,8 @@ void CtOptions::validate() const {
   for (const char letter : axes)
     if (const int axis = axis_of_letter(letter).first; axis >= 0) seen |= 1 << axis;
   if (axes.size() != 3 || seen != 7)
-    throw InputError("phantom options", "'ct.axes' is '" + axes +
-                                            "', must hold one each of L or R, P or A, S or I");
+    throw InputError("phantom options",
+                     "'ct.axes' is '" + axes + "', must hold one each of L or R, P or A, S or I");
 }
 
 Grid ct_grid(const CtOptions& options, const Vector3d& centre_mm) {
@@ -218,8 +221,8 @@ void add_ct_noise(CtVolume& ct, double noise_hu, std::uint64_t seed) {
   if (noise_hu <= 0.0) return;
   const Volume<float> noise = band_pass_noise(ct.grid, hash(seed, 0xC7));
   for (std::size_t i = 0; i < ct.voxels.size(); ++i)
-    ct.voxels[i] = whole_hu(static_cast<float>(ct.voxels[i]) +
-                            static_cast<float>(noise_hu) * noise.voxels[i]);
+    ct.voxels[i] =
+        whole_hu(static_cast<float>(ct.voxels[i]) + static_cast<float>(noise_hu) * noise.voxels[i]);
 }
 
 }  // namespace usct::phantom

@@ -37,8 +37,7 @@ const char* const kSource = "from-ct";
 
 /// Every n-th voxel so that voxels are about `spacing_mm` or as they are.
 MaskVolume coarse_body_candidates(const CtVolume& ct) {
-  const Vector3i step =
-      (kBodyVoxelMm / ct.grid.spacing_mm.array()).round().max(1.0).cast<int>();
+  const Vector3i step = (kBodyVoxelMm / ct.grid.spacing_mm.array()).round().max(1.0).cast<int>();
   Grid grid = ct.grid;
   grid.size = ((ct.grid.size.array() - 1) / step.array() + 1).matrix();
   grid.spacing_mm = ct.grid.spacing_mm.cwiseProduct(step.cast<double>());
@@ -141,25 +140,25 @@ struct LabelledTissue {
 /// A real CT, its labels smoothed, what is left classified by HU.
 class CtAnatomy : public Anatomy {
  public:
-  CtAnatomy(std::uint64_t seed, const CtAnatomyInput& input, const AnatomyOptions& options)
+  CtAnatomy(std::uint64_t seed, const CtVolume& ct, const LabelVolume& labels,
+            const FromCtOptions& from_ct, const AnatomyOptions& options)
       : seed_(hash(seed, 0xC7A)),
-        bone_hu_(static_cast<float>(input.bone_hu)),
-        hu_(smooth_gaussian(input.ct, Vector3d::Constant(kHuSmoothingMm), whole(input.ct.grid))),
-        body_mm_(smooth_signed_distance(body_mask(input.ct), kBodyVoxelMm)) {
-    for (const auto& [label, tissue] : input.tissue_of_label) {
-      MaskVolume mask = mask_of_label(input.labels, label);
-      if (label == input.kidney_label) set_kidney_centre(mask);
-      labelled_.push_back({label, tissue,
-                           smooth_signed_distance(mask, 0.8 * mask.grid.spacing_mm.maxCoeff())});
+        bone_hu_(static_cast<float>(from_ct.bone_hu)),
+        hu_(smooth_gaussian(ct, Vector3d::Constant(kHuSmoothingMm), whole(ct.grid))),
+        body_mm_(smooth_signed_distance(body_mask(ct), kBodyVoxelMm)) {
+    for (const auto& [label, tissue] : from_ct.tissue_of_label) {
+      MaskVolume mask = mask_of_label(labels, label);
+      if (label == from_ct.kidney_label) set_kidney_centre(mask);
+      labelled_.push_back(
+          {label, tissue, smooth_signed_distance(mask, 0.8 * mask.grid.spacing_mm.maxCoeff())});
     }
     // The kidney asked for comes first: it is what distances are measured from.
-    std::stable_partition(labelled_.begin(), labelled_.end(), [&](const LabelledTissue& t) {
-      return t.label == input.kidney_label;
-    });
-    if (input.kidney_centre_mm) kidney_centre_mm_ = *input.kidney_centre_mm;
+    std::stable_partition(labelled_.begin(), labelled_.end(),
+                          [&](const LabelledTissue& t) { return t.label == from_ct.kidney_label; });
+    if (from_ct.kidney_centre_mm) kidney_centre_mm_ = *from_ct.kidney_centre_mm;
     if (!holds(kidney_centre_mm_, 0.0))
       throw InputError(kSource, "the kidney's centre lies outside the CT");
-    find_surface(input.kidney_label.has_value());
+    find_surface(from_ct.kidney_label.has_value());
     Sequence random(seed, 0xB0B);
     for (int i = 0; i < options.bubbles; ++i) {
       const std::size_t n = random.next() % surface_mm_.size();
@@ -352,9 +351,10 @@ View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, 
   // Nobody holds the probe at the very best place.
   const Vector3d aim =
       centre + Vector3d(random.gaussian(0, 3), random.gaussian(0, 3), random.gaussian(0, 4));
-  const View held = view_from(anatomy, aim, direction(best_angle + random.gaussian(0.0, 3.0),
-                                                      best_tilt + random.gaussian(0.0, 3.0)),
-                              standoff_mm);
+  const View held = view_from(
+      anatomy, aim,
+      direction(best_angle + random.gaussian(0.0, 3.0), best_tilt + random.gaussian(0.0, 3.0)),
+      standoff_mm);
   return held.score > 0.7 * best.score ? held : best;
 }
 
@@ -367,25 +367,25 @@ Vector3d long_axis(const std::vector<Vector3d>& points, const Vector3d& centre) 
   return axis.z() < 0.0 ? Vector3d(-axis) : axis;
 }
 
-void validate_input(const CtAnatomyInput& input) {
-  input.ct.grid.validate(kSource);
-  if (input.kidney_label.has_value() == input.kidney_centre_mm.has_value())
+void validate_input(const CtVolume& ct, const LabelVolume& labels, const FromCtOptions& from_ct) {
+  ct.grid.validate(kSource);
+  if (from_ct.kidney_label.has_value() == from_ct.kidney_centre_mm.has_value())
     throw InputError(kSource, "needs either 'kidney_label' or 'kidney_centre_mm'");
-  if (!input.tissue_of_label.empty() && input.labels.voxels.empty())
+  if (!from_ct.tissue_of_label.empty() && labels.voxels.empty())
     throw InputError(kSource, "'tissue_of_label' is set, but there is no label map");
-  if (!input.kidney_label) return;
-  const auto found = input.tissue_of_label.find(*input.kidney_label);
-  if (found == input.tissue_of_label.end() || found->second != Tissue::kCortex)
+  if (!from_ct.kidney_label) return;
+  const auto found = from_ct.tissue_of_label.find(*from_ct.kidney_label);
+  if (found == from_ct.tissue_of_label.end() || found->second != Tissue::kCortex)
     throw InputError(kSource, "'tissue_of_label' of the kidney's label " +
-                                  std::to_string(*input.kidney_label) + " must be cortex");
+                                  std::to_string(*from_ct.kidney_label) + " must be cortex");
 }
 
 }  // namespace
 
-Scene make_ct_scene(std::uint64_t seed, const CtAnatomyInput& input,
-                    const AnatomyOptions& options) {
-  validate_input(input);
-  const auto anatomy = std::make_shared<CtAnatomy>(seed, input, options);
+Scene make_ct_scene(std::uint64_t seed, const CtVolume& ct, const LabelVolume& labels,
+                    const FromCtOptions& from_ct, const AnatomyOptions& options) {
+  validate_input(ct, labels, from_ct);
+  const auto anatomy = std::make_shared<CtAnatomy>(seed, ct, labels, from_ct, options);
   Scene scene;
   scene.anatomy = anatomy;
   scene.tissues = TissueTable::patient().with_contrast(options.contrast);
@@ -394,7 +394,7 @@ Scene make_ct_scene(std::uint64_t seed, const CtAnatomyInput& input,
   scene.ct_centre_mm = anatomy->kidney_centre_mm();
   Sequence random(seed, 0x9B0);
   const double standoff = options.standoff_mm.value_or(random.between(3.0, 9.0));
-  const View view = best_view(*anatomy, input.approach, standoff, random);
+  const View view = best_view(*anatomy, from_ct.approach, standoff, random);
   const Vector3d axis = long_axis(scene.kidney_surface_ct_mm, scene.kidney_centre_ct_mm);
   scene.T_ct_probe.linear() = looking(
       -view.outwards, AngleAxisd(random.between(-15.0, 15.0) * kDegree, view.outwards) * axis);
@@ -402,7 +402,7 @@ Scene make_ct_scene(std::uint64_t seed, const CtAnatomyInput& input,
   double deepest = 0.0;
   for (const Vector3d& p : scene.kidney_surface_ct_mm)
     deepest = std::max(deepest, (scene.T_ct_probe.inverse() * p).y());
-  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 18.0) / 5.0);
+  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 28.0) / 5.0);
   scene.surface_radius_mm = 120.0;
   scene.suggested_frequency_mhz = 3.5;
   return scene;

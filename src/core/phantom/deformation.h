@@ -16,8 +16,7 @@ class Deformation {
   Deformation() = default;
   /// The largest displacement of the points of the kidney's surface by the bumps alone is
   /// `deformation_mm`; the dent is `indentation_mm` deep at the array's middle.
-  Deformation(const Scene& scene, double deformation_mm, double indentation_mm,
-              std::uint64_t seed);
+  Deformation(const Scene& scene, double deformation_mm, double indentation_mm, std::uint64_t seed);
 
   Eigen::Vector3d displaced(const Eigen::Vector3d& p_mm) const { return p_mm + at(p_mm); }
   /// The inverse of `displaced`, by fixed-point iteration.

@@ -59,8 +59,8 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
                             deepest_mm);
 
   BeamGrid beams = beams_in_probe_frame(acquisition);
-  beams.axial.samples = static_cast<int>((deepest_mm - beams.axial.start_depth_mm) /
-                                         beams.axial.spacing_mm) + 1;
+  beams.axial.samples =
+      static_cast<int>((deepest_mm - beams.axial.start_depth_mm) / beams.axial.spacing_mm) + 1;
   // Sound also passes what lies above the first sample.
   beams.axial.samples += static_cast<int>(beams.axial.start_depth_mm / beams.axial.spacing_mm);
   beams.axial.start_depth_mm = 0.0;

@@ -16,7 +16,7 @@ constexpr float kReach = 2.7F;  // standard deviations of the point spread
 constexpr int kFractions = 64;
 // A perfect plane mirror across the beam, relative to the speckle of renal cortex: the level of
 // fat against kidney (7 % reflection) is then some 15 to 20 dB above it, as it looks.
-constexpr float kMirrorLevel = 600.0F;
+constexpr float kMirrorLevel = 900.0F;
 // Diffuse share and narrowness of the reflection of tissue interfaces.
 constexpr float kDiffuse = 0.06F;
 constexpr int kDirectivityPower = 14;
@@ -70,9 +70,7 @@ float power(float x, int n) {
   return result;
 }
 
-float unit_from(std::uint32_t h) {
-  return static_cast<float>(uniform(mix(h)));
-}
+float unit_from(std::uint32_t h) { return static_cast<float>(uniform(mix(h))); }
 
 }  // namespace
 
@@ -111,8 +109,8 @@ FrameSynthesis::FrameSynthesis(const ScattererField& field, const BeamProfile& p
   if (const auto* motor = std::get_if<MotorSweep>(&geometry.motion)) {
     axis_offset_mm_ = array_radius_mm_ - static_cast<float>(motor->motor_radius_mm);
     for (int l = 0; l < geometry.lines(); ++l) {
-      const double tilt = motor_angle_rad(*motor, geometry.lines(), 0, l) -
-                          motor->frame_angles_rad.front();
+      const double tilt =
+          motor_angle_rad(*motor, geometry.lines(), 0, l) - motor->frame_angles_rad.front();
       line_tilts_rad_[static_cast<std::size_t>(l)] = static_cast<float>(tilt);
       largest_tilt_rad_ = std::max(largest_tilt_rad_, static_cast<float>(std::abs(tilt)));
     }
@@ -154,8 +152,7 @@ void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const 
   const float reach = kReach * sigma / mm_per_unit;  // in angles, or mm
   const int count = static_cast<int>(line_positions_.size());
   const int first_guess = static_cast<int>(place.line);
-  const float bend = 0.25F * width.lateral_curvature -
-                     (curved_ ? 0.5F / place.radius_mm : 0.0F);
+  const float bend = 0.25F * width.lateral_curvature - (curved_ ? 0.5F / place.radius_mm : 0.0F);
   const float turns_per_mm = static_cast<float>(2.0 / profile_.wavelength_mm());
   const float lateral_scale = 0.5F / (sigma * sigma);
   const float elevation_scale = 0.5F / (width.elevation_sigma_mm * width.elevation_sigma_mm);
@@ -224,8 +221,7 @@ void FrameSynthesis::add_volume(const Scatterer& scatterer, const Isometry3f& T_
   add_echo(place, width, {amplitude, left.delay_mm, 0.0F, 1.0F}, signal);
 }
 
-void FrameSynthesis::add_surface(const SurfaceScatterer& scatterer,
-                                 const Isometry3f& T_frame_probe,
+void FrameSynthesis::add_surface(const SurfaceScatterer& scatterer, const Isometry3f& T_frame_probe,
                                  const TransmissionMap& transmission, Signal& signal) const {
   const Vector3f p = T_frame_probe * scatterer.p_mm;
   const Place place = place_of(p);
@@ -234,7 +230,8 @@ void FrameSynthesis::add_surface(const SurfaceScatterer& scatterer,
   if (std::abs(p.z()) >
       kReach * width.elevation_sigma_mm + largest_tilt_rad_ * (place.depth_mm + 60.0F))
     return;
-  if (place.line < -12.0F || place.line > static_cast<float>(line_positions_.size()) + 11.0F) return;
+  if (place.line < -12.0F || place.line > static_cast<float>(line_positions_.size()) + 11.0F)
+    return;
   // Just above the interface: the map is too coarse to tell its two sides apart.
   const float above_mm = scatterer.is_strong ? 1.6F : 0.4F;
   const TransmissionMap::Value left =
@@ -297,12 +294,12 @@ bool FrameSynthesis::block_in_reach(const ScattererField::Block& block,
   const float widest =
       std::max({profile_.at(near).elevation_sigma_mm, profile_.at(far).elevation_sigma_mm,
                 profile_.at(std::max(0.0F, depth)).elevation_sigma_mm});
-  return far > 0.0F && std::abs(p.z()) < block.radius_mm + kReach * widest +
-                                             largest_tilt_rad_ * (far + 60.0F);
+  return far > 0.0F &&
+         std::abs(p.z()) < block.radius_mm + kReach * widest + largest_tilt_rad_ * (far + 60.0F);
 }
 
-std::vector<std::complex<float>> FrameSynthesis::echoes(
-    int frame, const TransmissionMap& transmission) const {
+std::vector<std::complex<float>> FrameSynthesis::echoes(int frame,
+                                                        const TransmissionMap& transmission) const {
   const double middle = 0.5 * (geometry_.lines() - 1);
   const Isometry3f T_frame_probe =
       (T_us_frame_of(geometry_, frame, middle).inverse() * T_us_probe_).cast<float>();

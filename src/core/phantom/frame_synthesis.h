@@ -27,9 +27,9 @@ class FrameSynthesis {
  private:
   /// Where a scatterer lies for a frame.
   struct Place {
-    float along;     // angle, or position of a linear array
-    float line;      // continuous index
-    float radius_mm; // distance from the centre of curvature; 0: the array is flat
+    float along;      // angle, or position of a linear array
+    float line;       // continuous index
+    float radius_mm;  // distance from the centre of curvature; 0: the array is flat
     float depth_mm;
     float z_mm;
   };
@@ -49,8 +49,7 @@ class FrameSynthesis {
                    const TransmissionMap& transmission, Signal& signal) const;
   void add_ringing(const SurfaceScatterer& scatterer, const Place& place, const BeamWidth& width,
                    const Echo& first, Signal& signal) const;
-  void add_echo(const Place& place, const BeamWidth& width, const Echo& echo,
-                Signal& signal) const;
+  void add_echo(const Place& place, const BeamWidth& width, const Echo& echo, Signal& signal) const;
 
   const ScattererField& field_;
   const BeamProfile& profile_;
@@ -59,9 +58,9 @@ class FrameSynthesis {
   Eigen::Isometry3d T_us_probe_;
   bool curved_;
   float array_radius_mm_ = 0.0F;
-  float axis_offset_mm_ = 0.0F;         // of the motor, D
-  std::vector<float> line_positions_;   // angles or mm
-  std::vector<float> line_tilts_rad_;   // motor travel since the middle of the frame
+  float axis_offset_mm_ = 0.0F;        // of the motor, D
+  std::vector<float> line_positions_;  // angles or mm
+  std::vector<float> line_tilts_rad_;  // motor travel since the middle of the frame
   float largest_tilt_rad_ = 0.0F;
   MonotonicTable line_table_;
   bool evenly_spaced_;

@@ -30,7 +30,8 @@ Kidney::Kidney(std::uint64_t seed, const KidneyContent& content) {
   bend_mm_ = random.between(4.0, 8.0);
   hilum_depth_ = random.between(0.35, 0.55);
   cortex_mm_ = random.between(6.0, 8.0);
-  sinus_axes_ = {random.between(0.52, 0.62), random.between(0.46, 0.54), random.between(0.34, 0.42)};
+  sinus_axes_ = {random.between(0.52, 0.62), random.between(0.46, 0.54),
+                 random.between(0.34, 0.42)};
   for (int i = 0; i < 7; ++i)
     bumps_.push_back({random.direction(), random.gaussian(0.0, 0.028), 3 + i % 2});
   place_pyramids(seed);
@@ -168,7 +169,8 @@ void Kidney::place_pyramids(std::uint64_t seed) {
 void Kidney::grow_collecting_system(std::uint64_t seed, const KidneyContent& content) {
   Sequence random(seed, 0xCA1);
   const double scale = content.calyx_scale;
-  const Vector3d pelvis(random.gaussian(0.0, 2.0), -0.62 * half_axes_.y(), random.gaussian(1.5, 1.0));
+  const Vector3d pelvis(random.gaussian(0.0, 2.0), -0.62 * half_axes_.y(),
+                        random.gaussian(1.5, 1.0));
   const Vector3d leaving(pelvis.x() - 6.0, -half_axes_.y() - 4.0, pelvis.z() + 2.0);
   const Vector3d ureter_end(-content.pedicle_mm - 20.0, -half_axes_.y() - 8.0, pelvis.z() + 3.0);
   tubes_.add_curve({pelvis, leaving, ureter_end}, 3.6 * scale, 1.4 * scale, Tissue::kUrine);
@@ -188,10 +190,12 @@ void Kidney::grow_vessels(std::uint64_t seed, const KidneyContent& content) {
   vein_end_ = {random.gaussian(-1.0, 2.0), y_end, random.gaussian(4.0, 1.0)};
   const Vector3d artery_hilum(random.gaussian(3.0, 2.0), y_hilum, -4.0);
   const Vector3d vein_hilum(random.gaussian(-2.0, 2.0), y_hilum, 5.5);
-  tubes_.add_curve({artery_end_, 0.5 * (artery_end_ + artery_hilum) + Vector3d(2.0, 0.0, 1.5),
-                    artery_hilum}, 3.0, 2.5, Tissue::kArtery);
-  tubes_.add_curve({vein_end_, 0.5 * (vein_end_ + vein_hilum) + Vector3d(-2.0, 0.0, 1.0),
-                    vein_hilum}, 5.0, 4.2, Tissue::kVein);
+  tubes_.add_curve(
+      {artery_end_, 0.5 * (artery_end_ + artery_hilum) + Vector3d(2.0, 0.0, 1.5), artery_hilum},
+      3.0, 2.5, Tissue::kArtery);
+  tubes_.add_curve(
+      {vein_end_, 0.5 * (vein_end_ + vein_hilum) + Vector3d(-2.0, 0.0, 1.0), vein_hilum}, 5.0, 4.2,
+      Tissue::kVein);
   for (std::size_t i = 0; i < pyramids_.size(); ++i) {
     // Between this pyramid and its nearest neighbour: interlobar vessels in the column, then
     // arcuate ones over both bases.
@@ -206,14 +210,16 @@ void Kidney::grow_vessels(std::uint64_t seed, const KidneyContent& content) {
     const Vector3d root = point_between(column, -0.1);
     const Vector3d top = point_between(column, 0.97);
     tubes_.add_curve({artery_hilum, 0.5 * (artery_hilum + root) + 2.0 * random.direction(), root,
-                      point_between(column, 0.5), top}, 2.0, 0.8, Tissue::kArtery);
+                      point_between(column, 0.5), top},
+                     2.0, 0.8, Tissue::kArtery);
     tubes_.add_curve({vein_hilum, 0.5 * (vein_hilum + root) + 3.0 * random.direction(),
                       point_between(vein_column, 0.0), point_between(vein_column, 0.5),
-                      point_between(vein_column, 0.95)}, 2.6, 1.0, Tissue::kVein);
+                      point_between(vein_column, 0.95)},
+                     2.6, 1.0, Tissue::kVein);
     for (const Vector3d& towards : {own, other})
       tubes_.add_curve({top, point_between(between(column, towards, 0.45), 1.02),
-                        point_between(between(column, towards, 0.9), 1.04)}, 0.8, 0.45,
-                       Tissue::kArtery);
+                        point_between(between(column, towards, 0.9), 1.04)},
+                       0.8, 0.45, Tissue::kArtery);
   }
 }
 
@@ -233,8 +239,8 @@ void Kidney::place_lesions(std::uint64_t seed, const KidneyContent& content) {
   const auto& papilla = pyramids_[random.next() % pyramids_.size()];
   const double stone_radius = random.between(2.0, 4.0);
   if (content.stone)
-    lesions_.push_back({point_between(papilla, -0.22), stone_radius, Tissue::kStone,
-                        random.next()});
+    lesions_.push_back(
+        {point_between(papilla, -0.22), stone_radius, Tissue::kStone, random.next()});
   if (content.tumour)
     lesions_.push_back({point_at(tumour, 1.0) * (1.0 - 0.15 * tumour_radius / 30.0), tumour_radius,
                         Tissue::kTumour, random.next()});

@@ -57,7 +57,7 @@ class PatientAnatomy : public Anatomy {
     if (depth < 0.0) return Tissue::kAir;
     if (const auto bone = bones_.find(p))
       return bone->depth_mm < kCorticalShellMm ? Tissue::kCorticalBone : Tissue::kSpongyBone;
-    if (depth < 60.0)
+    if (depth < kSkinMm + 1.6 * (fat_mm_ + muscle_mm_))
       if (const auto layer = wall_tissue(p, depth)) return *layer;
     if (p.x() > 0.0)
       if (const auto found = kidney_tissue(p)) return *found;
@@ -138,8 +138,9 @@ class PatientAnatomy : public Anatomy {
     if (q.squaredNorm() > 100.0 * 100.0) return std::nullopt;
     if (const auto found = kidney_.tissue(q)) return found;
     // More fat behind and below the kidney than in front of it.
-    const double rho = kidney_.radial(q - Vector3d(-3.0, 1.0, 0.0)) *
-                       (1.0 + 0.05 * smooth_noise(hash(seed_, 3), p / 22.0));
+    double rho = kidney_.radial(q - Vector3d(-3.0, 1.0, 0.0));
+    if (rho > 1.3 * gerota_) return std::nullopt;
+    rho *= 1.0 + 0.05 * smooth_noise(hash(seed_, 3), p / 22.0);
     if (rho < gerota_) return Tissue::kPerirenalFat;
     if (rho < gerota_ + 0.022) return Tissue::kFascia;
     return std::nullopt;
@@ -161,9 +162,9 @@ class PatientAnatomy : public Anatomy {
     if (const auto vessel = vessels_.find(p)) return vessel->tissue;
     const double x = std::abs(p.x());
     const double lower = std::max(0.0, -p.z()) * 0.12;
-    for (const double muscle :
-         {ellipse(x - 37.0 - lower, 17.0 + lower, p.y() - 42.0, 21.0 + lower),
-          ellipse(x - 66.0, 25.0, p.y() - 72.0, 9.5), ellipse(x - 34.0, 30.0, p.y() - 82.0, 17.0)}) {
+    for (const double muscle : {ellipse(x - 37.0 - lower, 17.0 + lower, p.y() - 42.0, 21.0 + lower),
+                                ellipse(x - 66.0, 25.0, p.y() - 72.0, 9.5),
+                                ellipse(x - 34.0, 30.0, p.y() - 82.0, 17.0)}) {
       if (muscle < 0.93) return Tissue::kMuscle;
       if (muscle < 1.0) return Tissue::kFascia;
     }
@@ -185,16 +186,20 @@ class PatientAnatomy : public Anatomy {
     return std::nullopt;
   }
 
+  /// An ellipsoid with a wavy surface.
+  bool within_organ(const Vector3d& p, const Vector3d& centre, const Vector3d& radii) const {
+    const double rho = (p - centre).cwiseQuotient(radii).squaredNorm();
+    if (rho < 0.7 || rho > 1.3) return rho < 1.0;
+    return rho < 1.0 + 0.06 * smooth_noise(hash(seed_, 4), p / 30.0);
+  }
+
   Tissue interior_tissue(const Vector3d& p) const {
     if (const auto spine = spine_tissue(p)) return *spine;
     if (const auto found = muscle_or_vessel(p)) return *found;
-    const double dome = 0.06 * smooth_noise(hash(seed_, 4), p / 30.0);
-    if (ellipse(p.x() - 72.0, 74.0, p.y() - 22.0, 92.0, p.z() - 190.0, 112.0) < 1.0 + dome)
-      return Tissue::kGas;  // lung
+    if (within_organ(p, {72.0, 22.0, 190.0}, {74.0, 92.0, 112.0})) return Tissue::kGas;  // lung
     if (right_) {
-      if (ellipse(p.x() - 42.0, 82.0, p.y() + 38.0, 72.0, p.z() - 62.0, 92.0) < 1.0 + dome)
-        return Tissue::kLiver;
-    } else if (ellipse(p.x() - 86.0, 34.0, p.y() - 12.0, 52.0, p.z() - 72.0, 50.0) < 1.0 + dome) {
+      if (within_organ(p, {42.0, -38.0, 62.0}, {82.0, 72.0, 92.0})) return Tissue::kLiver;
+    } else if (within_organ(p, {86.0, 12.0, 72.0}, {34.0, 52.0, 50.0})) {
       return Tissue::kSpleen;
     }
     if (const auto found = bowel_tissue(p)) return *found;
@@ -210,10 +215,9 @@ class PatientAnatomy : public Anatomy {
     R.col(1) = Vector3d(std::cos(turn), std::sin(turn), 0.0);
     R.col(1) = (R.col(1) - R.col(1).dot(R.col(0)) * R.col(0)).normalized();
     R.col(2) = R.col(0).cross(R.col(1));
-    T_torso_kidney_ =
-        Translation3d(random.between(70.0, 76.0), random.between(26.0, 34.0),
-                      random.gaussian(0.0, 4.0)) *
-        Isometry3d(R);
+    T_torso_kidney_ = Translation3d(random.between(70.0, 76.0), random.between(26.0, 34.0),
+                                    random.gaussian(0.0, 4.0)) *
+                      Isometry3d(R);
     T_kidney_torso_ = T_torso_kidney_.inverse();
   }
 
@@ -231,7 +235,8 @@ class PatientAnatomy : public Anatomy {
     };
     const double shift = random.between(-4.0, 8.0);
     for (const Rib& rib : {Rib{48.0, 58.0, 30.0}, Rib{84.0, 88.0, 52.0}, Rib{120.0, 125.0, 72.0}}) {
-      std::vector<Vector3d> points = {{22.0, 62.0, rib.z_mm + shift}, {38.0, 74.0, rib.z_mm + shift}};
+      std::vector<Vector3d> points = {{22.0, 62.0, rib.z_mm + shift},
+                                      {38.0, 74.0, rib.z_mm + shift}};
       for (double t = 0.3; t <= 1.0; t += 0.14)
         points.push_back(wall_point(18.0 + t * (rib.end_deg - 18.0),
                                     rib.z_mm + shift - rib.drop_mm * t * t, inner));
@@ -259,8 +264,9 @@ class PatientAnatomy : public Anatomy {
     vessels_.add(cava - up, cava + up, 11.0, 11.0, Tissue::kVein);
     const Vector3d artery = T_torso_kidney_ * kidney_.artery_end_mm();
     const Vector3d vein = T_torso_kidney_ * kidney_.vein_end_mm();
-    vessels_.add_curve({artery, 0.5 * (artery + aorta) + Vector3d(0, 3, 4), aorta + Vector3d(0, 0, 8)},
-                       3.0, 3.2, Tissue::kArtery);
+    vessels_.add_curve(
+        {artery, 0.5 * (artery + aorta) + Vector3d(0, 3, 4), aorta + Vector3d(0, 0, 8)}, 3.0, 3.2,
+        Tissue::kArtery);
     vessels_.add_curve({vein, 0.5 * (vein + cava) + Vector3d(0, -4, 2), cava + Vector3d(0, 0, 4)},
                        5.0, 6.0, Tissue::kVein);
     vessels_.build_raster();
@@ -273,11 +279,11 @@ class PatientAnatomy : public Anatomy {
                         {20.0, random.between(20.0, 25.0), 18.0},
                         random.between(-0.9, 0.6)});
     for (int i = 0; i < 30; ++i)
-      bowel_.push_back({{random.between(-90.0, 85.0), random.between(-75.0, -22.0),
-                         random.between(-110.0, 30.0)},
-                        {random.between(11.0, 18.0), random.between(10.0, 15.0),
-                         random.between(11.0, 18.0)},
-                        random.between(-1.6, 0.4)});
+      bowel_.push_back(
+          {{random.between(-90.0, 85.0), random.between(-75.0, -22.0),
+            random.between(-110.0, 30.0)},
+           {random.between(11.0, 18.0), random.between(10.0, 15.0), random.between(11.0, 18.0)},
+           random.between(-1.6, 0.4)});
   }
 
   void place_bubbles(Sequence& random, int count) {
@@ -318,8 +324,7 @@ double squarest_angle_deg(const PatientAnatomy& anatomy, const Vector3d& inside)
   double best_cosine = -1.0;
   for (int angle = -10; angle <= 50; angle += 2) {
     const Vector3d outwards(std::cos(angle * kDegree), std::sin(angle * kDegree), 0.0);
-    const double cosine =
-        outwards.dot(anatomy.skin_normal(anatomy.skin_point(inside, outwards)));
+    const double cosine = outwards.dot(anatomy.skin_normal(anatomy.skin_point(inside, outwards)));
     if (cosine <= best_cosine) continue;
     best_cosine = cosine;
     best_angle = angle;
@@ -331,8 +336,7 @@ double squarest_angle_deg(const PatientAnatomy& anatomy, const Vector3d& inside)
 Isometry3d probe_on_flank(const PatientAnatomy& anatomy, Sequence& random, double standoff_mm) {
   const Vector3d aim = anatomy.T_torso_kidney().translation() +
                        Vector3d(0.0, random.gaussian(0.0, 3.0), random.gaussian(-3.0, 4.0));
-  const double backwards =
-      (squarest_angle_deg(anatomy, aim) + random.between(-8.0, 8.0)) * kDegree;
+  const double backwards = (squarest_angle_deg(anatomy, aim) + random.between(-8.0, 8.0)) * kDegree;
   const double upwards = random.gaussian(3.0, 3.0) * kDegree;
   const Vector3d outwards(std::cos(backwards) * std::cos(upwards),
                           std::sin(backwards) * std::cos(upwards), -std::sin(upwards));
@@ -364,7 +368,7 @@ Scene make_patient_scene(std::uint64_t seed, const AnatomyOptions& options) {
   double deepest = 0.0;
   for (const Vector3d& p : scene.kidney_surface_ct_mm)
     deepest = std::max(deepest, (scene.T_ct_probe.inverse() * p).y());
-  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 18.0) / 5.0);
+  scene.suggested_depth_mm = 5.0 * std::ceil((deepest + 28.0) / 5.0);
   scene.surface_radius_mm = 95.0;
   scene.suggested_frequency_mhz = 3.5;
   return scene;

@@ -74,10 +74,9 @@ void scan(Scene scene, PhantomCase& phantom, const Progress& progress) {
   const bool rigid = options.anatomy.deformation_mm == 0.0 && indentation_mm == 0.0;
   phantom.truth = make_truth(scene, placement, acquisition, rigid);
   phantom.ultrasound.geometry = acquisition.recorded;
-  phantom.ultrasound.voxels =
-      compress(form_echoes(scene, placement, acquisition, options.ultrasound, options.seed,
-                           progress),
-               options.ultrasound);
+  phantom.ultrasound.voxels = compress(
+      form_echoes(scene, placement, acquisition, options.ultrasound, options.seed, progress),
+      options.ultrasound);
 }
 
 }  // namespace
@@ -100,6 +99,28 @@ std::string to_string(SceneKind scene) {
   return {};
 }
 
+Approach parse_approach(const std::string& text, const std::string& source) {
+  for (const Approach approach :
+       {Approach::kAuto, Approach::kLateral, Approach::kPosterior, Approach::kAnterior})
+    if (text == to_string(approach)) return approach;
+  throw InputError(source,
+                   "approach is '" + text + "', must be auto, lateral, posterior or anterior");
+}
+
+std::string to_string(Approach approach) {
+  switch (approach) {
+    case Approach::kAuto:
+      return "auto";
+    case Approach::kLateral:
+      return "lateral";
+    case Approach::kPosterior:
+      return "posterior";
+    case Approach::kAnterior:
+      return "anterior";
+  }
+  return {};
+}
+
 void PhantomOptions::validate() const {
   require_range("contrast", anatomy.contrast, 0.01, 1.5);
   require_range("bubbles", anatomy.bubbles, 0, 200);
@@ -109,6 +130,8 @@ void PhantomOptions::validate() const {
   ct.validate();
   sweep.validate();
   ultrasound.validate(sweep.lines);
+  require_range("bone_hu", from_ct.bone_hu, 50.0, 3000.0);
+  require_range("added_noise_hu", from_ct.added_noise_hu, 0.0, 200.0);
 }
 
 PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress) {
@@ -128,22 +151,41 @@ PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress
   return phantom;
 }
 
-PhantomCase make_phantom_from_ct(const CtAnatomyInput& input, const PhantomOptions& options,
-                                 const Progress& progress) {
+PhantomCase make_phantom_from_ct(const CtVolume& ct, const LabelVolume& labels,
+                                 const PhantomOptions& options, const Progress& progress) {
   options.validate();
-  require_range("bone_hu", input.bone_hu, 50.0, 3000.0);
-  require_range("added_noise_hu", input.added_noise_hu, 0.0, 200.0);
   if (options.scene != SceneKind::kFromCt)
     throw InputError("phantom options",
                      "'scene' is " + to_string(options.scene) + ", must be from-ct with a CT");
-  const Scene scene = make_ct_scene(options.seed, input, options.anatomy);
+  const Scene scene = make_ct_scene(options.seed, ct, labels, options.from_ct, options.anatomy);
   PhantomCase phantom;
   phantom.options = options;
-  phantom.ct = input.ct;
-  add_ct_noise(phantom.ct, input.added_noise_hu, options.seed);
-  phantom.labels = form_labels(*scene.anatomy, input.ct.grid, stage(progress, 0.1, 0.3));
+  phantom.ct = ct;
+  add_ct_noise(phantom.ct, options.from_ct.added_noise_hu, options.seed);
+  phantom.labels = form_labels(*scene.anatomy, ct.grid, stage(progress, 0.1, 0.3));
   scan(scene, phantom, stage(progress, 0.3, 1.0));
   return phantom;
+}
+
+PhantomOptions made_hard(PhantomOptions options) {
+  options.anatomy.contrast = 0.4;
+  options.anatomy.bubbles = 15;
+  options.ultrasound.penetration_mm = 80.0;
+  options.ultrasound.clutter_db = -18.0;
+  options.ultrasound.tgc_error_db = 3.0;
+  options.ultrasound.lateral_gain_error_db = 3.0;
+  options.ultrasound.sound_speed_error = 0.01;
+  if (options.sweep.kind == SweepKind::kMotorised) {
+    options.sweep.sweep_error = 1.0;
+    options.sweep.elevation_fov_deg = 45.0;
+  } else {
+    options.sweep.pose_noise_mm = 0.5;
+    options.sweep.pose_noise_deg = 0.4;
+    options.sweep.lag_s = 0.2;
+    options.sweep.duplicate_fraction = 0.15;
+  }
+  if (options.sweep.kind != SweepKind::kTrackedLinear) options.sweep.lateral_fov_deg = 55.0;
+  return options;
 }
 
 }  // namespace usct::phantom

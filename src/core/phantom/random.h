@@ -19,10 +19,13 @@ inline std::uint64_t mix(std::uint64_t x) {
 }
 
 inline std::uint64_t hash(std::uint64_t seed, std::uint64_t a) { return mix(seed ^ mix(a)); }
-inline std::uint64_t hash(std::uint64_t seed, std::int64_t i, std::int64_t j, std::int64_t k) {
-  // 21 bits per coordinate: distinct for coordinates within +-2^20.
+/// Distinct for coordinates within +-2^20.
+inline std::uint64_t lattice_key(std::int64_t i, std::int64_t j, std::int64_t k) {
   const auto bits = [](std::int64_t v) { return static_cast<std::uint64_t>(v) & 0x1FFFFFULL; };
-  return mix(seed ^ mix(bits(i) | (bits(j) << 21U) | (bits(k) << 42U)));
+  return bits(i) | (bits(j) << 21U) | (bits(k) << 42U);
+}
+inline std::uint64_t hash(std::uint64_t seed, std::int64_t i, std::int64_t j, std::int64_t k) {
+  return mix(seed ^ mix(lattice_key(i, j, k)));
 }
 
 /// Uniform in [0, 1).
@@ -64,15 +67,16 @@ inline double smooth_noise(std::uint64_t seed, const Eigen::Vector3d& p) {
   const auto i = static_cast<std::int64_t>(cell.x());
   const auto j = static_cast<std::int64_t>(cell.y());
   const auto k = static_cast<std::int64_t>(cell.z());
-  double sum = 0.0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const int a = corner & 1;
-    const int b = (corner >> 1) & 1;
-    const int c = corner >> 2;
-    const double weight = (a ? w.x() : 1.0 - w.x()) * (b ? w.y() : 1.0 - w.y()) *
-                          (c ? w.z() : 1.0 - w.z());
-    sum += weight * (2.0 * uniform(hash(seed, i + a, j + b, k + c)) - 1.0);
-  }
+  const auto along_x = [&](int b, int c) {
+    const double low = uniform(mix(seed + lattice_key(i, j + b, k + c)));
+    return low + w.x() * (uniform(mix(seed + lattice_key(i + 1, j + b, k + c))) - low);
+  };
+  const auto along_xy = [&](int c) {
+    const double low = along_x(0, c);
+    return low + w.y() * (along_x(1, c) - low);
+  };
+  const double low = along_xy(0);
+  const double sum = 2.0 * (low + w.z() * (along_xy(1) - low)) - 1.0;
   // A corner is uniform in [-1, 1); the mean over a cell of the summed squared weights is 0.41.
   constexpr double kToUnitVariance = 2.7;
   return kToUnitVariance * sum;

@@ -94,8 +94,8 @@ Receiver::Receiver(const UltrasoundOptions& options, double frequency_mhz,
   const double deepest = geometry.axial.depth_mm(samples_ - 1);
   for (int i = 0; i < kSliders; ++i) {
     const double depth = deepest * i / (kSliders - 1);
-    const auto node = std::min(typical.size() - 1, static_cast<std::size_t>(
-                                                       depth / TransmissionMap::kDepthStepMm));
+    const auto node = std::min(typical.size() - 1,
+                               static_cast<std::size_t>(depth / TransmissionMap::kDepthStepMm));
     const double error_db = random.gaussian(0.0, options.tgc_error_db);
     slider_db[static_cast<std::size_t>(i)] =
         std::min(-typical[node], kBrightestNoiseDb - noise_db) + error_db;
@@ -110,17 +110,18 @@ Receiver::Receiver(const UltrasoundOptions& options, double frequency_mhz,
   for (int l = 0; l < lines_; ++l)
     for (int s = 0; s < samples_; ++s) {
       const double depth = geometry.axial.depth_mm(s);
-      const float level = amplitude(options.near_field_db) *
-                          static_cast<float>(std::exp(-depth / kRingDownMm));
+      const float level =
+          amplitude(options.near_field_db) * static_cast<float>(std::exp(-depth / kRingDownMm));
       ring_down_.push_back(level * (noise_at(seed_, s, -1, 0) + 0.5F * noise_at(seed_, s, l, 1)));
     }
 }
 
-double Receiver::gain_db(int frame, int line, int sample) const {
+double Receiver::line_gain_error_db(int frame, int line) const {
   const double lateral = smooth_noise(hash(seed_, 1), {line / 14.0, frame / 40.0, 0.0});
   const double over_time = smooth_noise(hash(seed_, 2), {frame / 5.0, 0.0, 0.0});
-  return tgc_db_[static_cast<std::size_t>(sample)] + options_.lateral_gain_error_db * lateral +
-         options_.frame_gain_error_db * over_time;
+  const double from_middle = std::abs(2.0 * line / (lines_ - 1) - 1.0);
+  return options_.lateral_gain_error_db * lateral + options_.frame_gain_error_db * over_time -
+         options_.edge_loss_db * std::pow(from_middle, 5.0);
 }
 
 int Receiver::lines_without_contact(int frame) const {
@@ -156,7 +157,7 @@ std::vector<float> Receiver::envelope(std::vector<std::complex<float>> signal, i
   const int dead = lines_without_contact(frame);
   for (int l = 0; l < lines_; ++l) {
     const bool contact = no_contact_at_end_ ? l < lines_ - dead : l >= dead;
-    const double line_gain_db = gain_db(frame, l, 0) - tgc_db_[0];
+    const double line_gain_db = line_gain_error_db(frame, l);
     for (int s = 0; s < samples_; ++s) {
       const auto n = static_cast<std::size_t>(l * samples_ + s);
       std::complex<float>& z = signal[n];
@@ -164,8 +165,7 @@ std::vector<float> Receiver::envelope(std::vector<std::complex<float>> signal, i
         // Nothing but the array's own ring-down, which no tissue damps.
         const double depth = s * spacing_mm_;
         z = amplitude(options_.near_field_db) *
-            static_cast<float>(std::exp(-depth / kNoContactRingDownMm)) *
-            noise_at(seed_, s, -1, 0);
+            static_cast<float>(std::exp(-depth / kNoContactRingDownMm)) * noise_at(seed_, s, -1, 0);
       }
       z += ring_down_[n] + noise_level_ * noise_at(hash(seed_, 5), frame, l, s);
       z *= amplitude(tgc_db_[static_cast<std::size_t>(s)] + line_gain_db);

@@ -22,7 +22,7 @@ class Receiver {
   std::vector<float> envelope(std::vector<std::complex<float>> echoes, int frame) const;
 
  private:
-  double gain_db(int frame, int line, int sample) const;
+  double line_gain_error_db(int frame, int line) const;
   void add_haze(std::vector<std::complex<float>>& signal, int frame) const;
   int lines_without_contact(int frame) const;
 
@@ -33,8 +33,8 @@ class Receiver {
   double spacing_mm_;
   float noise_level_;
   bool no_contact_at_end_;
-  std::vector<double> tgc_db_;                        // per sample
-  std::vector<std::complex<float>> ring_down_;        // lines x samples
+  std::vector<double> tgc_db_;                  // per sample
+  std::vector<std::complex<float>> ring_down_;  // lines x samples
 };
 
 /// Grey values of an envelope: `cortex_grey` at level 1, 255 per `dynamic_range_db`.

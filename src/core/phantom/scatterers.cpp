@@ -39,8 +39,7 @@ class ScattererMaker {
     ScattererField::Block block;
     for (int k = 0; k < TissueRaster::kBlock; ++k)
       for (int j = 0; j < TissueRaster::kBlock; ++j)
-        for (int i = 0; i < TissueRaster::kBlock; ++i)
-          add_cell(first + Vector3i(i, j, k), block);
+        for (int i = 0; i < TissueRaster::kBlock; ++i) add_cell(first + Vector3i(i, j, k), block);
     enclose(first, block);
     return block;
   }
@@ -82,13 +81,16 @@ class ScattererMaker {
                   ScattererField::Block& block) const {
     const TissueProperties& properties = tissues_[tissue];
     if (properties.echogenicity_db < -200.0) return;
-    const Texture texture = texture_at(*body_.scene().anatomy, properties, tissue, p, seed_);
-    const double level_db = properties.echogenicity_db + properties.texture_db * texture.smooth +
-                            properties.septa_db * texture.sheet;
+    const Anatomy& anatomy = *body_.scene().anatomy;
+    double level_db = properties.echogenicity_db;
+    if (properties.texture_db > 0.0)
+      level_db += properties.texture_db * texture_at(anatomy, properties, tissue, p, seed_);
+    if (properties.septa_db > 0.0)
+      level_db += properties.septa_db * sheet_at(anatomy, properties, tissue, p, seed_);
     const double amplitude =
         std::sqrt(kPitch * kPitch * kPitch) * std::pow(10.0, level_db / 20.0) * normal(hash(h, 3));
-    block.volume.push_back({body_.placement().probe_from_ct(p).cast<float>(),
-                            static_cast<float>(amplitude)});
+    block.volume.push_back(
+        {body_.placement().probe_from_ct(p).cast<float>(), static_cast<float>(amplitude)});
   }
 
   void add_surface(const Vector3i& cell, const Corners& corners, const Vector3d& p, Tissue tissue,
@@ -98,7 +100,8 @@ class ScattererMaker {
     double strongest = kSmallestReflection;
     for (int n = 0; n < 8; ++n) {
       const Tissue other = corners[static_cast<std::size_t>(n)];
-      const double r = other == tissue ? 0.0 : std::abs(reflection(tissues_[tissue], tissues_[other]));
+      const double r =
+          other == tissue ? 0.0 : std::abs(reflection(tissues_[tissue], tissues_[other]));
       if (r <= strongest) continue;
       strongest = r;
       towards = n;

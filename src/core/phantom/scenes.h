@@ -13,7 +13,8 @@ Scene make_agar_scene(std::uint64_t seed, const AnatomyOptions& options);
 /// Kidney in a torso, seen from the flank.
 Scene make_patient_scene(std::uint64_t seed, const AnatomyOptions& options);
 /// A real CT as anatomy.
-Scene make_ct_scene(std::uint64_t seed, const CtAnatomyInput& input, const AnatomyOptions& options);
+Scene make_ct_scene(std::uint64_t seed, const CtVolume& ct, const LabelVolume& labels,
+                    const FromCtOptions& from_ct, const AnatomyOptions& options);
 
 /// `count` directions spread evenly over the sphere (a Fibonacci lattice).
 std::vector<Eigen::Vector3d> even_directions(int count);

@@ -28,14 +28,13 @@ constexpr double kTrackedFovDeg = 60.0;
 
 double radius_of(const SweepOptions& options) {
   if (options.kind == SweepKind::kTrackedLinear) return 0.0;
-  return options.probe_radius_mm.value_or(
-      options.kind == SweepKind::kMotorised ? kMotorisedRadiusMm : kTrackedRadiusMm);
+  return options.probe_radius_mm.value_or(options.kind == SweepKind::kMotorised ? kMotorisedRadiusMm
+                                                                                : kTrackedRadiusMm);
 }
 
 Array array_of(const SweepOptions& options) {
   if (options.kind == SweepKind::kTrackedLinear)
-    return LinearArray{
-        centred_table(options.lines, options.linear_width_mm / (options.lines - 1))};
+    return LinearArray{centred_table(options.lines, options.linear_width_mm / (options.lines - 1))};
   double pitch = options.kind == SweepKind::kMotorised
                      ? kLinePitchRad
                      : kTrackedFovDeg * kDegree / (options.lines - 1);
@@ -82,9 +81,9 @@ class TrackedPath {
   Isometry3d T_probe_frame(double time_s) const {
     const double turn = 2.0 * kPi * time_s / duration_s_;
     // Speed varies by about +-45 %.
-    const double along_mm = length_mm_ * (time_s / duration_s_ - 0.5 +
-                                          0.05 * std::sin(turn + phases_[0]) +
-                                          0.01 * std::sin(3.0 * turn + phases_[1]));
+    const double along_mm =
+        length_mm_ * (time_s / duration_s_ - 0.5 + 0.05 * std::sin(turn + phases_[0]) +
+                      0.01 * std::sin(3.0 * turn + phases_[1]));
     const double sag_mm = 0.5 * along_mm * along_mm / surface_radius_mm_;
     const double lean_rad = 0.35 * along_mm / surface_radius_mm_;
     const Vector3d position(1.5 * std::sin(0.8 * turn + phases_[2]), sag_mm, along_mm);
@@ -118,10 +117,10 @@ Acquisition tracked(const SweepOptions& options, const ScanGeometry& still,
   Acquisition acquisition{still, still, {}, Isometry3d::Identity()};
   Sequence random(seed, 0x74AC);
   // The tracker's or robot's base: anywhere.
-  acquisition.T_us_probe = Translation3d(random.between(-300.0, 300.0),
-                                         random.between(-300.0, 300.0),
-                                         random.between(200.0, 600.0)) *
-                           AngleAxisd(random.between(0.0, kPi), random.direction());
+  acquisition.T_us_probe =
+      Translation3d(random.between(-300.0, 300.0), random.between(-300.0, 300.0),
+                    random.between(200.0, 600.0)) *
+      AngleAxisd(random.between(0.0, kPi), random.direction());
   const TrackedPath path(options, surface_radius_mm, seed);
   TrackedSweep recorded;
   TrackedSweep truth;
@@ -135,9 +134,8 @@ Acquisition tracked(const SweepOptions& options, const ScanGeometry& still,
     recorded.T_us_frame.push_back(acquisition.T_us_probe * path.T_probe_frame(time_s) *
                                   pose_noise(options, radius_of(options), random));
     recorded.frame_times_s.push_back(time_s);
-    truth.frame_times_s.push_back(std::max(image_time_s, truth.frame_times_s.empty()
-                                                             ? image_time_s
-                                                             : truth.frame_times_s.back()));
+    truth.frame_times_s.push_back(std::max(
+        image_time_s, truth.frame_times_s.empty() ? image_time_s : truth.frame_times_s.back()));
   }
   acquisition.recorded.motion = recorded;
   acquisition.truth.motion = truth;
@@ -150,8 +148,8 @@ SweepKind parse_sweep(const std::string& text, const std::string& source) {
   for (const SweepKind kind :
        {SweepKind::kMotorised, SweepKind::kTrackedCurvilinear, SweepKind::kTrackedLinear})
     if (text == to_string(kind)) return kind;
-  throw InputError(source, "sweep is '" + text +
-                               "', must be motorised, tracked-curvilinear or tracked-linear");
+  throw InputError(
+      source, "sweep is '" + text + "', must be motorised, tracked-curvilinear or tracked-linear");
 }
 
 std::string to_string(SweepKind kind) {
@@ -200,8 +198,8 @@ void SweepOptions::validate() const {
   only_for("duplicate_fraction", is_motorised && duplicate_fraction != 0.0, "tracked");
 }
 
-Acquisition make_acquisition(const SweepOptions& options, double depth_mm,
-                             double surface_radius_mm, std::uint64_t seed) {
+Acquisition make_acquisition(const SweepOptions& options, double depth_mm, double surface_radius_mm,
+                             std::uint64_t seed) {
   ScanGeometry still;
   still.axial = {options.samples, options.start_depth_mm,
                  (depth_mm - options.start_depth_mm) / (options.samples - 1)};

@@ -64,10 +64,10 @@ TissueRaster::TissueRaster(const ScannedBody& body, const BeamGrid& beams,
            static_cast<std::size_t>(block.x());
   };
   // 3: a beam passes; 2: next to such a block; 1: next to that.
-  std::vector<std::uint8_t> mark(
-      static_cast<std::size_t>(count.x()) * static_cast<std::size_t>(count.y()) *
-          static_cast<std::size_t>(count.z()),
-      0);
+  std::vector<std::uint8_t> mark(static_cast<std::size_t>(count.x()) *
+                                     static_cast<std::size_t>(count.y()) *
+                                     static_cast<std::size_t>(count.z()),
+                                 0);
   visit_beams(body, beams, [&](const Vector3i& block) { mark[index(block - low)] = 3; });
   const auto spread = [&](std::uint8_t from) {
     const std::vector<std::uint8_t> before = mark;

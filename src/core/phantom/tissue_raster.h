@@ -45,9 +45,7 @@ class TissueRaster {
   const std::vector<Eigen::Vector3i>& blocks() const { return blocks_; }
 
   /// Tissue of the node, which must belong to a block or be next to one.
-  Tissue node(const Eigen::Vector3i& n) const {
-    return static_cast<Tissue>(tissue_[offset(n)]);
-  }
+  Tissue node(const Eigen::Vector3i& n) const { return static_cast<Tissue>(tissue_[offset(n)]); }
   /// Tissue at the nearest node; gel (transparent) away from the beams.
   Tissue nearest(const Eigen::Vector3d& p_ct_mm) const;
 

@@ -108,8 +108,8 @@ void AttenuationVolume::stamp_balls(const ScannedBody& body) {
   // A ball stops sound over its own cross-section; a voxel's share of that is spread over it.
   for (const Ball& ball : body.scene().anatomy->balls()) {
     const Vector3f p = body.placement().probe_from_ct(ball.centre_ct_mm).cast<float>();
-    const double share = std::min(1.0, 3.14 * ball.radius_mm * ball.radius_mm /
-                                           (kSpacingMm * kSpacingMm));
+    const double share =
+        std::min(1.0, 3.14 * ball.radius_mm * ball.radius_mm / (kSpacingMm * kSpacingMm));
     voxels_[nearest_offset(p)].db_per_mm += static_cast<float>(60.0 * share);
   }
 }
@@ -123,7 +123,8 @@ void AttenuationVolume::smooth() {
     const int b = (axis + 2) % 3;
     parallel_for(size_[b], [&](int ib) {
       for (int ia = 0; ia < size_[a]; ++ia) {
-        Voxel* row = voxels_.data() + static_cast<std::size_t>(ib) * stride[static_cast<std::size_t>(b)] +
+        Voxel* row = voxels_.data() +
+                     static_cast<std::size_t>(ib) * stride[static_cast<std::size_t>(b)] +
                      static_cast<std::size_t>(ia) * stride[static_cast<std::size_t>(a)];
         const std::size_t s = stride[static_cast<std::size_t>(axis)];
         Voxel before = row[0];
@@ -154,7 +155,8 @@ TransmissionMap::Value TransmissionMap::at(float line, float depth_mm) const {
   const auto blend = [&](const std::vector<float>& field) {
     const auto depth_count = static_cast<std::size_t>(depths);
     const float low = field[n] + fv * (field[n + 1] - field[n]);
-    const float high = field[n + depth_count] + fv * (field[n + depth_count + 1] - field[n + depth_count]);
+    const float high =
+        field[n + depth_count] + fv * (field[n + depth_count + 1] - field[n + depth_count]);
     return low + fu * (high - low);
   };
   return {blend(level_db), blend(delay_mm)};
@@ -182,8 +184,7 @@ TransmissionMap make_transmission_map(const AttenuationVolume& attenuation,
       for (const ApertureRay& ray : kRays) {
         Vector3d element = element_mm(array, line, half * static_cast<double>(ray.lateral));
         element.z() = 0.5 * elevation_aperture_mm * static_cast<double>(ray.elevation);
-        const Along along =
-            integrate(attenuation, (T_probe_frame * element).cast<float>(), point);
+        const Along along = integrate(attenuation, (T_probe_frame * element).cast<float>(), point);
         one_way += ray.weight * std::pow(10.0F, -0.05F * along.db);
         delay += ray.weight * along.delay_mm;
       }

@@ -34,8 +34,7 @@ class AttenuationVolume {
   void smooth();
   std::size_t nearest_offset(const Eigen::Vector3f& p_probe_mm) const {
     const Eigen::Vector3f index = (p_probe_mm - origin_mm_) / static_cast<float>(kSpacingMm);
-    const Eigen::Vector3i i =
-        (index.array() + 0.5F).max(0.0F).cast<int>().min(size_.array() - 1);
+    const Eigen::Vector3i i = (index.array() + 0.5F).max(0.0F).cast<int>().min(size_.array() - 1);
     return (static_cast<std::size_t>(i.z()) * static_cast<std::size_t>(size_.y()) +
             static_cast<std::size_t>(i.y())) *
                static_cast<std::size_t>(size_.x()) +

@@ -10,9 +10,7 @@ constexpr double kCellMm = 4.0;
 
 Eigen::Vector3d catmull_rom(const std::vector<Eigen::Vector3d>& points, int piece, double t) {
   const int last = static_cast<int>(points.size()) - 1;
-  const auto at = [&](int i) {
-    return points[static_cast<std::size_t>(std::clamp(i, 0, last))];
-  };
+  const auto at = [&](int i) { return points[static_cast<std::size_t>(std::clamp(i, 0, last))]; };
   const Eigen::Vector3d a = at(piece - 1);
   const Eigen::Vector3d b = at(piece);
   const Eigen::Vector3d c = at(piece + 1);
@@ -26,8 +24,8 @@ Eigen::Vector3d catmull_rom(const std::vector<Eigen::Vector3d>& points, int piec
 void TubeTree::add(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& to_mm,
                    double radius_from_mm, double radius_to_mm, Tissue tissue) {
   const Eigen::Vector3d axis = to_mm - from_mm;
-  segments_.push_back({from_mm, axis, std::max(1e-9, axis.squaredNorm()), radius_from_mm,
-                       radius_to_mm, tissue});
+  segments_.push_back(
+      {from_mm, axis, std::max(1e-9, axis.squaredNorm()), radius_from_mm, radius_to_mm, tissue});
 }
 
 void TubeTree::add_curve(const std::vector<Eigen::Vector3d>& points_mm, double radius_from_mm,
@@ -78,8 +76,8 @@ void TubeTree::build_raster() {
 std::optional<TubeTree::Hit> TubeTree::find(const Eigen::Vector3d& p_mm) const {
   if (!box_.contains(p_mm)) return std::nullopt;
   const Eigen::Vector3i c = ((p_mm - box_.min()) / kCellMm).array().floor().cast<int>();
-  const auto& candidates =
-      segments_of_cell_[static_cast<std::size_t>((c.z() * cells_.y() + c.y()) * cells_.x() + c.x())];
+  const auto& candidates = segments_of_cell_[static_cast<std::size_t>(
+      (c.z() * cells_.y() + c.y()) * cells_.x() + c.x())];
   std::optional<Hit> hit;
   for (const int n : candidates) {
     const Segment& s = segments_[static_cast<std::size_t>(n)];

@@ -18,6 +18,7 @@ void UltrasoundOptions::validate(int lines) const {
   require_range("tgc_error_db", tgc_error_db, 0.0, 20.0);
   require_range("lateral_gain_error_db", lateral_gain_error_db, 0.0, 20.0);
   require_range("frame_gain_error_db", frame_gain_error_db, 0.0, 20.0);
+  require_range("edge_loss_db", edge_loss_db, 0.0, 40.0);
   require_range("clutter_db", clutter_db, -120.0, 0.0);
   require_range("near_field_db", near_field_db, -120.0, 40.0);
   require_range("specular", specular, 0.0, 10.0);

@@ -118,9 +118,11 @@ PreScanVolume arbitrary_volume() {
     volume.geometry.array =
         CurvilinearArray{*rc::gen::inRange(1, 1000) / 9.0, arbitrary_table(lines, -1.1, 0.1)};
   if (kind == 0) {
+    // A motor axis behind the centre of curvature is behind every line, as validate() demands.
     volume.geometry.motion =
-        MotorSweep{*rc::gen::inRange(1, 1000) / 11.0, arbitrary_table(frames, -0.7, 0.1),
-                   *rc::gen::inRange(-100, 100) / 1300.0};
+        MotorSweep{std::get<CurvilinearArray>(volume.geometry.array).probe_radius_mm +
+                       *rc::gen::inRange(1, 1000) / 11.0,
+                   arbitrary_table(frames, -0.7, 0.1), *rc::gen::inRange(-100, 100) / 1300.0};
   } else {
     TrackedSweep sweep;
     for (int i = 0; i < frames; ++i) sweep.T_us_frame.push_back(arbitrary_pose());

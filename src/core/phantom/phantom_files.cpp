@@ -1,0 +1,84 @@
+#include "us_ct_registration/phantom/phantom_files.h"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <set>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/points_io.h"
+#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/volume_io.h"
+
+namespace usct::phantom {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The folder that holds `folder`; its own name must not be empty ("out/" is "out").
+fs::path without_trailing_slash(const fs::path& folder) {
+  return folder.has_filename() ? folder : folder.parent_path();
+}
+
+fs::path parent_of(const fs::path& folder) {
+  const fs::path parent = folder.parent_path();
+  return parent.empty() ? fs::path(".") : parent;
+}
+
+void write_text(const fs::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text << '\n';
+  out.close();
+  if (!out) throw std::runtime_error("cannot write " + path.string());
+}
+
+void write_files(const PhantomCase& phantom, const fs::path& folder, const std::string& extension) {
+  const PhantomTruth& truth = phantom.truth;
+  write_volume(phantom.ct, folder / ("ct" + extension));
+  write_volume(phantom.labels, folder / ("labels" + extension));
+  write_prescan_nrrd(phantom.ultrasound, folder / "us.nrrd");
+  write_T_us_ct(truth.T_us_ct, folder / "truth.tfm");
+  write_points_mm(truth.targets_us_mm, folder / "targets.csv");
+  write_points_mm(truth.targets_ct_mm, folder / "targets_ct.csv");
+  if (!truth.fiducials_us_mm.empty()) {
+    write_points_mm(truth.fiducials_us_mm, folder / "fiducials.csv");
+    write_points_mm(truth.fiducials_ct_mm, folder / "fiducials_ct.csv");
+  }
+  write_text(folder / "phantom.json", describe_json(phantom));
+}
+
+}  // namespace
+
+void require_phantom_folder(const fs::path& folder, const std::string& ct_extension) {
+  static const std::set<std::string> kExtensions = {".nrrd", ".mha", ".nii.gz"};
+  if (kExtensions.count(ct_extension) == 0)
+    throw InputError("CT format", "is '" + ct_extension + "', must be .nrrd, .mha or .nii.gz");
+  const fs::path target = without_trailing_slash(folder);
+  std::error_code error;
+  if (target.empty() || !fs::is_directory(parent_of(target), error))
+    throw InputError(folder.string(), "the folder that it lies in does not exist");
+  if (!fs::exists(fs::symlink_status(target, error))) return;
+  if (!fs::is_directory(target, error) || !fs::is_empty(target, error) || error)
+    throw InputError(folder.string(), "exists, must be absent or an empty folder");
+}
+
+void write_phantom(const PhantomCase& phantom, const fs::path& folder,
+                   const std::string& ct_extension) {
+  require_phantom_folder(folder, ct_extension);
+  const fs::path target = without_trailing_slash(folder);
+  const fs::path temporary =
+      parent_of(target) / ("." + target.filename().string() + ".tmp-" + std::to_string(getpid()));
+  std::error_code error;
+  if (!fs::create_directory(temporary, error))
+    throw InputError(folder.string(), "cannot be created: " + error.message());
+  try {
+    write_files(phantom, temporary, ct_extension);
+    fs::rename(temporary, target);
+  } catch (...) {
+    fs::remove_all(temporary, error);
+    throw;
+  }
+}
+
+}  // namespace usct::phantom
