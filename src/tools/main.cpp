@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
   tools::add_info_command(app, run);
   tools::add_convert_command(app, run);
   tools::add_slices_command(app, run);
+  tools::add_calibrate_motor_command(app, run);
   tools::add_phantom_command(app, run);
   try {
     app.parse(argc, argv);
