@@ -177,8 +177,7 @@ class SlabCompounder {
     const std::size_t offset = result_.volume.grid.offset(0, 0, k);
     for (std::size_t n = 0; n < cells.size(); ++n) {
       if (!(cells[n].weight > 0.0F)) continue;
-      result_.volume.voxels[offset + n] =
-          static_cast<std::uint8_t>(cells[n].sum / cells[n].weight + 0.5F);
+      result_.volume.voxels[offset + n] = grey(cells[n].sum / cells[n].weight);
       result_.mask.voxels[offset + n] = 255;
     }
   }
@@ -211,7 +210,9 @@ class SlabCompounder {
     range.clip(start.z(), step.z(), -half_thickness_mm_, half_thickness_mm_);
     range.clip(start.x(), step.x(), bounds_.min().x(), bounds_.max().x());
     range.clip(start.y(), step.y(), bounds_.min().y(), bounds_.max().y());
-    for (double i = std::ceil(range.first); i <= range.last; ++i) {
+    if (!(range.first <= range.last)) return;
+    const int last = static_cast<int>(std::floor(range.last));
+    for (int i = static_cast<int>(std::ceil(range.first)); i <= last; ++i) {
       const Eigen::Vector3d q = start + i * step;
       const auto weight = static_cast<float>(1.0 - std::abs(q.z()) / half_thickness_mm_);
       if (!(weight > 0.0F)) continue;
@@ -350,7 +351,7 @@ ScanConverted with_holes_filled(const ScanConverted& known, double radius_mm) {
       for (int i = 0; i < grid.size.x(); ++i) {
         if (known.mask.at(i, j, k) != 0) continue;
         if (const std::optional<float> value = filler.at({i, j, k})) {
-          filled.volume.at(i, j, k) = static_cast<std::uint8_t>(*value + 0.5F);
+          filled.volume.at(i, j, k) = grey(*value);
           filled.mask.at(i, j, k) = 255;
         }
       }
@@ -500,8 +501,7 @@ PreScanVolume prescan_from_images(const TrackedImages& images, const Array& arra
           placement.origin_px + p.head<2>().cwiseQuotient(placement.spacing_mm);
       for (int image = 0; image < images.count(); ++image)
         if (const std::optional<float> value = planes.at(image, pixel.x(), pixel.y())) {
-          prescan.voxels[prescan.offset(sample, line, image)] =
-              static_cast<std::uint8_t>(*value + 0.5F);
+          prescan.voxels[prescan.offset(sample, line, image)] = grey(*value);
           any = true;
         }
     }

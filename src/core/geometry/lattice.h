@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "us_ct_registration/geometry/monotonic_table.h"
@@ -25,6 +26,7 @@ struct Neighbours {
     return {lower, weight > 0.0F ? lower + 1 : lower, weight};
   }
   static Neighbours nearest(double index, int count) {
+    // NOLINTNEXTLINE(bugprone-incorrect-roundings): not negative, and rounding calls cost more.
     const int n = std::clamp(static_cast<int>(index + 0.5), 0, count - 1);
     return {n, n, 0.0F};
   }
@@ -39,6 +41,12 @@ inline std::vector<double> bounding_indices(const std::vector<double>& table) {
   const double ahead = MonotonicTable(table, "table", "table").index_of(0.0);
   if (ahead > -0.5 && ahead < end) indices.push_back(ahead);
   return indices;
+}
+
+/// The nearest grey value of a brightness in [0, 255].
+inline std::uint8_t grey(float brightness) {
+  // NOLINTNEXTLINE(bugprone-incorrect-roundings): not negative, and rounding calls cost more.
+  return static_cast<std::uint8_t>(brightness + 0.5F);
 }
 
 inline float mix(float a, float b, float weight_of_b) { return a + weight_of_b * (b - a); }

@@ -41,8 +41,7 @@ class PreScanSampler {
     const auto along_lines = [&](int frame) {
       return mix(along_samples(l.lower, frame), along_samples(l.upper, frame), l.weight);
     };
-    return static_cast<std::uint8_t>(mix(along_lines(f.lower), along_lines(f.upper), f.weight) +
-                                     0.5F);
+    return grey(mix(along_lines(f.lower), along_lines(f.upper), f.weight));
   }
 
  private:

@@ -258,6 +258,14 @@ TEST(Compound, AveragesPixelsThatAreFinerThanVoxels) {
     EXPECT_EQ(value, 150);
   options.average_in_plane = false;
   EXPECT_EQ(compound(images, grid, options).volume.at(2, 3, 0), 200);
+  // About the voxel's centre: a ramp stays where it is.
+  for (std::size_t i = 0; i < images.pixels.size(); ++i)
+    images.pixels[i] = static_cast<std::uint8_t>(4 * (i % 40) + i / 40);
+  options.average_in_plane = true;
+  const ScanConverted ramp = compound(images, grid, options);
+  for (int j = 0; j < 8; ++j)
+    for (int i = 0; i < 8; ++i)
+      EXPECT_EQ(ramp.volume.at(i, j, 0), 16 * (i + 1) + 4 * (j + 1)) << i << " " << j;
 }
 
 TEST(Compound, LeavesOutWhatTheImagesDoNotShow) {
