@@ -297,72 +297,37 @@ void check_stack(const std::string& source, const SliceStack& stacked,
                                "interpolates them onto one");
 }
 
-/// The voxels of the slices in the stack's order. A file is decoded once, and each thread holds no
-/// more than the one that it is at. Slices at the same place are compared with the one that is
-/// taken.
-class VoxelLoader {
- public:
-  VoxelLoader(const std::string& source, const std::vector<Slice>& slices,
-              const SliceStack& stacked)
-      : source_(source), slices_(slices), stacked_(stacked) {
-    for (std::size_t k = 0; k < stacked.order.size(); ++k) {
-      taken_[slice(stacked.order[k]).file].push_back({stacked.order[k], k});
-      for (const int i : stacked.duplicates[k]) repeated_[slice(i).file].push_back({i, k});
-    }
-  }
+[[noreturn]] void refuse_different(const std::string& source, const DicomFrame& a,
+                                   const DicomFrame& b) {
+  std::string message = "slices at one place differ in their pixels: '" + a.pose.name + "' and '" +
+                        b.pose.name + "' at " + io::format(a.pose.position_mm) + " mm";
+  if (a.acquisition_number && b.acquisition_number && a.acquisition_number != b.acquisition_number)
+    message += ", of acquisitions " + std::to_string(*a.acquisition_number) + " and " +
+               std::to_string(*b.acquisition_number) + "; 'acquisition_number' takes one of them";
+  throw InputError(source, message);
+}
 
-  void load(std::vector<std::int16_t>& voxels, const Progress& progress) const {
-    for_each(taken_, progress,
-             [&](const std::int16_t* pixels, std::size_t count, int, std::size_t k) {
-               std::copy(pixels, pixels + count, &voxels[k * count]);
-             });
-    for_each(repeated_, {},
-             [&](const std::int16_t* pixels, std::size_t count, int i, std::size_t k) {
-               if (!std::equal(pixels, pixels + count, &voxels[k * count])) refuse_different(i, k);
-             });
-  }
-
- private:
-  struct Place {
-    int slice;
-    std::size_t k;  // in the stack's order
+/// The voxels of the slices in the stack's order. Slices at the same place must be the same.
+std::vector<std::int16_t> load_voxels(const std::string& source, const std::vector<Slice>& slices,
+                                      const SliceStack& stacked, const Progress& progress) {
+  const auto slice = [&](int i) -> const Slice& { return slices[static_cast<std::size_t>(i)]; };
+  const auto pixels_of = [&](int i) {
+    return io::read_dicom_hounsfield(*slice(i).file, slice(i).frame);
   };
-  using Places = std::map<const DicomFile*, std::vector<Place>>;
-
-  const Slice& slice(int i) const { return slices_[static_cast<std::size_t>(i)]; }
-
-  template <typename Use>
-  void for_each(const Places& places, const Progress& progress, const Use& use) const {
-    const std::vector<Places::value_type> files(places.begin(), places.end());
-    const auto read_one = [&](int f) {
-      const auto& [file, here] = files[static_cast<std::size_t>(f)];
-      const std::vector<std::int16_t> pixels = io::read_dicom_hounsfield(*file);
-      const std::size_t count = file->images.frame_pixels();
-      for (const Place& place : here)
-        use(&pixels[slice(place.slice).frame * count], count, place.slice, place.k);
-    };
-    parallel_for(static_cast<int>(files.size()), read_one, progress);
-  }
-
-  [[noreturn]] void refuse_different(int i, std::size_t k) const {
-    const DicomFrame& a = slice(stacked_.order[k]).info();
-    const DicomFrame& b = slice(i).info();
-    std::string message = "slices at one place differ in their pixels: '" + a.pose.name +
-                          "' and '" + b.pose.name + "' at " + io::format(a.pose.position_mm) +
-                          " mm";
-    if (a.acquisition_number && b.acquisition_number &&
-        a.acquisition_number != b.acquisition_number)
-      message += ", of acquisitions " + std::to_string(*a.acquisition_number) + " and " +
-                 std::to_string(*b.acquisition_number) + "; 'acquisition_number' takes one of them";
-    throw InputError(source_, message);
-  }
-
-  const std::string& source_;
-  const std::vector<Slice>& slices_;
-  const SliceStack& stacked_;
-  Places taken_;
-  Places repeated_;
-};
+  // Memory for all is asked for when one has shown that its size is not just a claim.
+  const std::size_t count = pixels_of(stacked.order.front()).size();
+  std::vector<std::int16_t> voxels(count * stacked.order.size());
+  const auto load = [&](int place) {
+    const auto k = static_cast<std::size_t>(place);
+    const std::vector<std::int16_t> pixels = pixels_of(stacked.order[k]);
+    std::copy(pixels.begin(), pixels.end(), &voxels[k * count]);
+    for (const int i : stacked.duplicates[k])
+      if (pixels_of(i) != pixels)
+        refuse_different(source, slice(stacked.order[k]).info(), slice(i).info());
+  };
+  parallel_for(static_cast<int>(stacked.order.size()), load, progress);
+  return voxels;
+}
 
 void check_files(const Series& series) {
   for (const DicomFile* file : series.images)
@@ -384,9 +349,7 @@ std::vector<Slice> require_slices(const std::string& source, const Series& serie
 
 CtVolume load_volume(const std::string& source, const std::vector<Slice>& slices,
                      const SliceStack& stacked, const Progress& progress) {
-  const io::DicomImages& first = slices.front().file->images;
-  std::vector<std::int16_t> voxels(first.frame_pixels() * stacked.order.size());
-  VoxelLoader(source, slices, stacked).load(voxels, progress);
+  std::vector<std::int16_t> voxels = load_voxels(source, slices, stacked, progress);
   if (!stacked.irregular.empty()) {
     std::vector<io::SlicePose> poses;
     for (const Slice& slice : slices) poses.push_back(slice.info().pose);

@@ -1,8 +1,5 @@
 #include "io/dicom_file.h"
 
-#include <gdcmReader.h>
-#include <gdcmTrace.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -12,8 +9,8 @@
 #include <fstream>
 
 #include "io/bytes.h"
+#include "io/dicom_dataset.h"
 #include "io/format.h"
-#include "io/gdcm_attributes.h"
 #include "io/text.h"
 #include "us_ct_registration/error.h"
 
@@ -22,45 +19,59 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const Attribute kImageType{"ImageType", {0x0008, 0x0008}};
-const Attribute kFrameType{"FrameType", {0x0008, 0x9007}};
-const Attribute kSopClass{"SOPClassUID", {0x0008, 0x0016}};
-const Attribute kModality{"Modality", {0x0008, 0x0060}};
-const Attribute kCtFrameType{"CTImageFrameTypeSequence", {0x0018, 0x9329}};
-const Attribute kSeriesUid{"SeriesInstanceUID", {0x0020, 0x000e}};
-const Attribute kSeriesNumber{"SeriesNumber", {0x0020, 0x0011}};
-const Attribute kAcquisitionNumber{"AcquisitionNumber", {0x0020, 0x0012}};
-const Attribute kPosition{"ImagePositionPatient", {0x0020, 0x0032}};
-const Attribute kOrientation{"ImageOrientationPatient", {0x0020, 0x0037}};
-const Attribute kFrameOfReference{"FrameOfReferenceUID", {0x0020, 0x0052}};
-const Attribute kFrameContent{"FrameContentSequence", {0x0020, 0x9111}};
-const Attribute kPlanePosition{"PlanePositionSequence", {0x0020, 0x9113}};
-const Attribute kPlaneOrientation{"PlaneOrientationSequence", {0x0020, 0x9116}};
-const Attribute kFrameAcquisition{"FrameAcquisitionNumber", {0x0020, 0x9156}};
-const Attribute kSamples{"SamplesPerPixel", {0x0028, 0x0002}};
-const Attribute kPhotometric{"PhotometricInterpretation", {0x0028, 0x0004}};
-const Attribute kFrames{"NumberOfFrames", {0x0028, 0x0008}};
-const Attribute kRows{"Rows", {0x0028, 0x0010}};
-const Attribute kColumns{"Columns", {0x0028, 0x0011}};
-const Attribute kPixelSpacing{"PixelSpacing", {0x0028, 0x0030}};
-const Attribute kBitsAllocated{"BitsAllocated", {0x0028, 0x0100}};
-const Attribute kBitsStored{"BitsStored", {0x0028, 0x0101}};
-const Attribute kHighBit{"HighBit", {0x0028, 0x0102}};
-const Attribute kPixelRepresentation{"PixelRepresentation", {0x0028, 0x0103}};
-const Attribute kPadding{"PixelPaddingValue", {0x0028, 0x0120}};
-const Attribute kPaddingLimit{"PixelPaddingRangeLimit", {0x0028, 0x0121}};
-const Attribute kIntercept{"RescaleIntercept", {0x0028, 0x1052}};
-const Attribute kSlope{"RescaleSlope", {0x0028, 0x1053}};
-const Attribute kRescaleType{"RescaleType", {0x0028, 0x1054}};
-const Attribute kPixelMeasures{"PixelMeasuresSequence", {0x0028, 0x9110}};
-const Attribute kValueTransformation{"PixelValueTransformationSequence", {0x0028, 0x9145}};
-const Attribute kSharedGroups{"SharedFunctionalGroupsSequence", {0x5200, 0x9229}};
-const Attribute kPerFrameGroups{"PerFrameFunctionalGroupsSequence", {0x5200, 0x9230}};
-const gdcm::Tag kPixelData(0x7fe0, 0x0010);
+const Attribute kDirectoryRecords{"DirectoryRecordSequence", 0x00041220};
+const Attribute kPixelData{"PixelData", 0x7fe00010};
+const Attribute kImageType{"ImageType", 0x00080008};
+const Attribute kFrameType{"FrameType", 0x00089007};
+const Attribute kSopClass{"SOPClassUID", 0x00080016};
+const Attribute kModality{"Modality", 0x00080060};
+const Attribute kCtFrameType{"CTImageFrameTypeSequence", 0x00189329};
+const Attribute kSeriesUid{"SeriesInstanceUID", 0x0020000e};
+const Attribute kSeriesNumber{"SeriesNumber", 0x00200011};
+const Attribute kAcquisitionNumber{"AcquisitionNumber", 0x00200012};
+const Attribute kPosition{"ImagePositionPatient", 0x00200032};
+const Attribute kOrientation{"ImageOrientationPatient", 0x00200037};
+const Attribute kFrameOfReference{"FrameOfReferenceUID", 0x00200052};
+const Attribute kFrameContent{"FrameContentSequence", 0x00209111};
+const Attribute kPlanePosition{"PlanePositionSequence", 0x00209113};
+const Attribute kPlaneOrientation{"PlaneOrientationSequence", 0x00209116};
+const Attribute kFrameAcquisition{"FrameAcquisitionNumber", 0x00209156};
+const Attribute kSamples{"SamplesPerPixel", 0x00280002};
+const Attribute kPhotometric{"PhotometricInterpretation", 0x00280004};
+const Attribute kFrames{"NumberOfFrames", 0x00280008};
+const Attribute kRows{"Rows", 0x00280010};
+const Attribute kColumns{"Columns", 0x00280011};
+const Attribute kPixelSpacing{"PixelSpacing", 0x00280030};
+const Attribute kBitsAllocated{"BitsAllocated", 0x00280100};
+const Attribute kBitsStored{"BitsStored", 0x00280101};
+const Attribute kHighBit{"HighBit", 0x00280102};
+const Attribute kPixelRepresentation{"PixelRepresentation", 0x00280103};
+const Attribute kPadding{"PixelPaddingValue", 0x00280120};
+const Attribute kPaddingLimit{"PixelPaddingRangeLimit", 0x00280121};
+const Attribute kIntercept{"RescaleIntercept", 0x00281052};
+const Attribute kSlope{"RescaleSlope", 0x00281053};
+const Attribute kRescaleType{"RescaleType", 0x00281054};
+const Attribute kPixelMeasures{"PixelMeasuresSequence", 0x00289110};
+const Attribute kValueTransformation{"PixelValueTransformationSequence", 0x00289145};
+const Attribute kSharedGroups{"SharedFunctionalGroupsSequence", 0x52009229};
+const Attribute kPerFrameGroups{"PerFrameFunctionalGroupsSequence", 0x52009230};
+
+/// No attribute that identifies a patient, and none of free text.
+const DicomWanted& wanted() {
+  static const DicomWanted all{
+      {kImageType,    kFrameType,     kSopClass,    kModality, kSeriesUid,
+       kSeriesNumber, kPosition,      kOrientation, kSamples,  kAcquisitionNumber,
+       kPhotometric,  kFrames,        kRows,        kColumns,  kFrameOfReference,
+       kPixelSpacing, kBitsAllocated, kBitsStored,  kHighBit,  kFrameAcquisition,
+       kPadding,      kPaddingLimit,  kIntercept,   kSlope,    kPixelRepresentation,
+       kRescaleType},
+      {kCtFrameType, kFrameContent, kPlanePosition, kPlaneOrientation, kPixelMeasures,
+       kValueTransformation, kSharedGroups, kPerFrameGroups, kDirectoryRecords}};
+  return all;
+}
 
 constexpr const char* kCtSopClasses[] = {"1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1",
                                          "1.2.840.10008.5.1.4.1.1.2.2"};
-constexpr const char* kDirectorySopClass = "1.2.840.10008.1.3.10";
 constexpr double kUnitTolerance = 1e-3;
 
 /// What the first bytes and the name say, before any parsing.
@@ -85,7 +96,6 @@ Claim claim_of(const fs::path& path) {
 }
 
 DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
-  if (sop_class == kDirectorySopClass) return DicomKind::kDirectory;
   if (modality != "CT") return DicomKind::kOtherModality;
   const bool ct = std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses), sop_class) !=
                   std::end(kCtSopClasses);
@@ -97,19 +107,17 @@ DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
 /// the shared ones, then in the data set itself (classic, single-frame images).
 class FrameAttributes {
  public:
-  FrameAttributes(const Attributes& top, const gdcm::DataSet* shared, const gdcm::DataSet* frame)
+  FrameAttributes(const DicomDataset& top, const DicomDataset* shared, const DicomDataset* frame)
       : top_(top), shared_(shared), frame_(frame) {}
 
   /// Calls `use` with the attributes that hold `attribute`; false if there are none.
   template <typename Use>
   bool with(const Attribute& macro, const Attribute& attribute, const Use& use) const {
-    for (const gdcm::DataSet* groups : {frame_, shared_}) {
+    for (const DicomDataset* groups : {frame_, shared_}) {
       if (groups == nullptr) continue;
-      const std::vector<gdcm::DataSet> items = Attributes(top_.source(), *groups).items(macro);
-      if (items.empty()) continue;
-      const Attributes item(top_.source(), items.front());
-      if (!item.has(attribute)) continue;
-      use(item);
+      const std::vector<DicomDataset>& items = groups->items(macro);
+      if (items.empty() || !items.front().has(attribute)) continue;
+      use(items.front());
       return true;
     }
     if (!top_.has(attribute)) return false;
@@ -121,24 +129,24 @@ class FrameAttributes {
                                       std::size_t count) const {
     std::optional<std::vector<double>> numbers;
     with(macro, attribute,
-         [&](const Attributes& holder) { numbers = holder.find_numbers(attribute, count); });
+         [&](const DicomDataset& holder) { numbers = holder.find_numbers(attribute, count); });
     if (!numbers) top_.refuse_missing(attribute);
     return *numbers;
   }
 
   std::string text(const Attribute& macro, const Attribute& attribute) const {
     std::string found;
-    with(macro, attribute, [&](const Attributes& holder) { found = holder.text(attribute); });
+    with(macro, attribute, [&](const DicomDataset& holder) { found = holder.text(attribute); });
     return found;
   }
 
  private:
-  const Attributes& top_;
-  const gdcm::DataSet* shared_;
-  const gdcm::DataSet* frame_;
+  const DicomDataset& top_;
+  const DicomDataset* shared_;
+  const DicomDataset* frame_;
 };
 
-SlicePose read_pose(const Attributes& top, const FrameAttributes& frame) {
+SlicePose read_pose(const DicomDataset& top, const FrameAttributes& frame) {
   SlicePose pose;
   const auto position = frame.require_numbers(kPlanePosition, kPosition, 3);
   const auto cosines = frame.require_numbers(kPlaneOrientation, kOrientation, 6);
@@ -158,15 +166,15 @@ SlicePose read_pose(const Attributes& top, const FrameAttributes& frame) {
   return pose;
 }
 
-bool is_localizer(const Attributes& top, const FrameAttributes& frame) {
+bool is_localizer(const DicomDataset& top, const FrameAttributes& frame) {
   std::vector<std::string> type = top.texts(kImageType);
   frame.with(kCtFrameType, kFrameType,
-             [&](const Attributes& holder) { type = holder.texts(kFrameType); });
+             [&](const DicomDataset& holder) { type = holder.texts(kFrameType); });
   return type.size() > 2 && type[2] == "LOCALIZER";
 }
 
 /// A localizer is not read, so nothing more is asked of it.
-DicomFrame read_frame(const Attributes& top, const FrameAttributes& attributes,
+DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes,
                       std::vector<std::string>& warnings) {
   DicomFrame frame;
   frame.localizer = is_localizer(top, attributes);
@@ -179,7 +187,7 @@ DicomFrame read_frame(const Attributes& top, const FrameAttributes& attributes,
   if (!unit.empty() && unit != "HU")
     warnings.push_back("'RescaleType' is not HU: the values may not be Hounsfield units");
   frame.acquisition_number = top.find_integer(kAcquisitionNumber);
-  attributes.with(kFrameContent, kFrameAcquisition, [&](const Attributes& holder) {
+  attributes.with(kFrameContent, kFrameAcquisition, [&](const DicomDataset& holder) {
     frame.acquisition_number = holder.find_short(kFrameAcquisition);
   });
   return frame;
@@ -190,12 +198,12 @@ std::string frame_name(const fs::path& path, std::size_t frame, std::size_t fram
   return frames == 1 ? name : name + " frame " + std::to_string(frame + 1);
 }
 
-std::vector<DicomFrame> read_frames(const fs::path& path, const Attributes& top,
+std::vector<DicomFrame> read_frames(const fs::path& path, const DicomDataset& top,
                                     DicomImages& images) {
   const int count = top.find_integer(kFrames).value_or(1);
   if (count < 1) top.refuse(kFrames, std::to_string(count), ">= 1");
-  const std::vector<gdcm::DataSet> shared = top.items(kSharedGroups);
-  const std::vector<gdcm::DataSet> per_frame = top.items(kPerFrameGroups);
+  const std::vector<DicomDataset>& shared = top.items(kSharedGroups);
+  const std::vector<DicomDataset>& per_frame = top.items(kPerFrameGroups);
   const auto frames = static_cast<std::size_t>(count);
   if (frames != per_frame.size() && !(frames == 1 && per_frame.empty()))
     top.refuse(kPerFrameGroups, "of " + std::to_string(per_frame.size()) + " items",
@@ -218,7 +226,7 @@ long stored_value(std::uint16_t raw, bool is_signed) {
   return is_signed ? static_cast<std::int16_t>(raw) : raw;
 }
 
-void read_padding(const Attributes& top, DicomImages& images) {
+void read_padding(const DicomDataset& top, DicomImages& images) {
   const auto value = top.find_short(kPadding);
   if (!value) return;
   const long first = stored_value(*value, images.is_signed);
@@ -227,7 +235,7 @@ void read_padding(const Attributes& top, DicomImages& images) {
   images.padding = std::minmax(first, second);
 }
 
-DicomImages read_images(const fs::path& path, const Attributes& top) {
+DicomImages read_images(const fs::path& path, const DicomDataset& top) {
   DicomImages images;
   const auto require_one_of = [&](const Attribute& attribute, std::initializer_list<int> allowed,
                                   const char* constraint) {
@@ -257,59 +265,48 @@ DicomImages read_images(const fs::path& path, const Attributes& top) {
   return images;
 }
 
-DicomFile describe(const fs::path& path, const gdcm::File& parsed) {
-  const Attributes top(path.string(), parsed.GetDataSet());
+DicomFile describe(const fs::path& path, DicomContent content) {
+  const DicomDataset& top = content.data;
   DicomFile file;
   file.path = path;
   file.series_uid = top.text(kSeriesUid);
   file.modality = top.text(kModality);
   file.frame_of_reference_uid = top.text(kFrameOfReference);
-  const gdcm::TransferSyntax& syntax = parsed.GetHeader().GetDataSetTransferSyntax();
-  if (const char* uid = syntax.GetString()) file.transfer_syntax_uid = uid;
-  std::string sop_class = top.text(kSopClass);
-  if (const char* uid = gdcm::MediaStorage(parsed.GetHeader().GetMediaStorage()).GetString();
-      uid != nullptr && sop_class.empty() && std::string(uid) == kDirectorySopClass)
-    sop_class = kDirectorySopClass;  // which a directory states in the file's header alone
-  file.kind = kind_of(file.modality, sop_class);
-  if (file.kind != DicomKind::kDirectory && file.modality.empty())
-    throw InputError(path.string(), "'Modality' is missing, so the file may be cut short");
+  file.transfer_syntax_uid = content.transfer_syntax_uid;
+  file.kind = top.has(kDirectoryRecords) ? DicomKind::kDirectory
+                                         : kind_of(file.modality, top.text(kSopClass));
   if (file.kind != DicomKind::kCtImage) return file;
   try {
     file.series_number = top.find_integer(kSeriesNumber);
     file.images = read_images(path, top);
+    file.images.big_endian = content.big_endian;
+    if (content.big_endian && file.images.bits_allocated != 16)
+      top.refuse(kBitsAllocated, std::to_string(file.images.bits_allocated),
+                 "16 where bytes are in big-endian order");
+    if (!content.pixels) top.refuse_missing(kPixelData);
+    file.images.pixels = std::move(*content.pixels);
   } catch (const InputError& error) {
     file.problem = error.violation();
+    file.images = {};
   }
   return file;
-}
-
-void silence_gdcm() {
-  static const bool once = [] {
-    gdcm::Trace::DebugOff();
-    gdcm::Trace::WarningOff();
-    gdcm::Trace::ErrorOff();
-    return true;
-  }();
-  static_cast<void>(once);
 }
 
 }  // namespace
 
 std::optional<DicomFile> read_dicom_header(const fs::path& path) {
-  silence_gdcm();
   const Claim claim = claim_of(path);
   if (claim == Claim::kNone) return std::nullopt;
-  gdcm::Reader reader;
-  reader.SetFileName(path.c_str());
-  bool parsed = false;
   try {
-    parsed = reader.ReadUpToTag(kPixelData);
-  } catch (const std::exception&) {  // as below: GDCM's words do not say more
+    DicomContent content = parse_dicom(path, wanted());
+    const bool directory = content.data.has(kDirectoryRecords);
+    if (content.data.text(kModality).empty() && !directory)
+      throw InputError(path.string(), "'Modality' is missing: not DICOM, cut short or damaged");
+    return describe(path, std::move(content));
+  } catch (const InputError&) {
+    if (claim == Claim::kPerhaps) return std::nullopt;
+    throw;
   }
-  if (parsed) return describe(path, reader.GetFile());
-  if (claim == Claim::kPerhaps) return std::nullopt;
-  throw InputError(path.string(), "is not a DICOM file that can be parsed, although its " +
-                                      std::string("content or name says so: damaged or cut short"));
 }
 
 }  // namespace usct::io

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "io/dicom_dataset.h"
 #include "io/slice_stack.h"
 
-/// One DICOM file: what its header says, and its pixels. The only files that know GDCM are
-/// dicom_file.cpp and dicom_pixels.cpp.
+/// One DICOM file: what its header says, and its pixels.
 namespace usct::io {
 
 /// One image, or one frame of a multi-frame image.
@@ -29,9 +29,11 @@ struct DicomImages {
   int bits_allocated = 0;
   int bits_stored = 0;
   bool is_signed = false;
+  bool big_endian = false;
   /// Stored values from first to second are padding.
   std::optional<std::pair<long, long>> padding;
   std::vector<DicomFrame> frames;
+  DicomPixelData pixels;
   /// Not fatal: named in the result's warnings.
   std::vector<std::string> warnings;
 
@@ -67,9 +69,8 @@ struct DicomFile {
 /// DICOM (by its content or its extension) and cannot be parsed.
 std::optional<DicomFile> read_dicom_header(const std::filesystem::path& path);
 
-/// Hounsfield units of all frames, frame after frame, columns fastest. Throws InputError, naming
-/// the file, if the pixels are truncated, damaged, of a compression that is not known, or outside
-/// int16.
-std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file);
+/// Hounsfield units of one frame, columns fastest. Throws InputError, naming the file, if the
+/// pixels are cut short, damaged, of a compression that is not known, or outside int16.
+std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file, std::size_t frame);
 
 }  // namespace usct::io
