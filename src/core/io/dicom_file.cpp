@@ -265,6 +265,12 @@ DicomImages read_images(const fs::path& path, const DicomDataset& top) {
   return images;
 }
 
+bool is_uncompressed(const std::string& transfer_syntax_uid) {
+  return transfer_syntax_uid == "1.2.840.10008.1.2" ||
+         transfer_syntax_uid == "1.2.840.10008.1.2.1" ||
+         transfer_syntax_uid == "1.2.840.10008.1.2.2";
+}
+
 DicomFile describe(const fs::path& path, DicomContent content) {
   const DicomDataset& top = content.data;
   DicomFile file;
@@ -284,6 +290,11 @@ DicomFile describe(const fs::path& path, DicomContent content) {
       top.refuse(kBitsAllocated, std::to_string(file.images.bits_allocated),
                  "16 where bytes are in big-endian order");
     if (!content.pixels) top.refuse_missing(kPixelData);
+    if (!content.pixels->encapsulated && !is_uncompressed(content.transfer_syntax_uid))
+      throw InputError(path.string(), "'TransferSyntaxUID' is " +
+                                          in_quotes(content.transfer_syntax_uid) +
+                                          ", which is compressed or not known, but 'PixelData' is "
+                                          "not in fragments");
     file.images.pixels = std::move(*content.pixels);
   } catch (const InputError& error) {
     file.problem = error.violation();
