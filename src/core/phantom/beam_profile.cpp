@@ -63,8 +63,9 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
     width.plane_scale = static_cast<float>(ratio);
   }
   // Scattering cells of energy 1 per mm^3 add up to level 1 (see ScattererField).
-  const double energy = std::pow(kPi, 1.5) * axial_sigma_mm_ * narrowest;
-  for (BeamWidth& width : table_) width.speckle_scale /= static_cast<float>(std::sqrt(energy));
+  smallest_cell_mm3_ = std::pow(kPi, 1.5) * axial_sigma_mm_ * narrowest;
+  for (BeamWidth& width : table_)
+    width.speckle_scale /= static_cast<float>(std::sqrt(smallest_cell_mm3_));
   for (BeamWidth& width : table_) width.plane_scale /= static_cast<float>(2.0 * kPi * narrowest);
 }
 

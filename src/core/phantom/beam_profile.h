@@ -34,6 +34,8 @@ class BeamProfile {
   }
   /// Half the aperture used to receive from a depth, mm.
   double half_aperture_mm(double depth_mm) const;
+  /// Volume that one speckle is summed over, where the beam is narrowest.
+  double smallest_resolution_cell_mm3() const { return smallest_cell_mm3_; }
   double wavelength_mm() const { return wavelength_mm_; }
   /// Of the pulse and of the filter before the samples are taken.
   double axial_sigma_mm() const { return axial_sigma_mm_; }
@@ -44,6 +46,7 @@ class BeamProfile {
   UltrasoundOptions options_;
   double wavelength_mm_;
   double axial_sigma_mm_;
+  double smallest_cell_mm3_;
   std::vector<BeamWidth> table_;
 };
 

@@ -1,6 +1,7 @@
 #include "phantom/echo_formation.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "parallel.h"
 #include "phantom/frame_synthesis.h"
@@ -41,6 +42,15 @@ Isometry3d T_probe_frame(const Acquisition& acquisition, int frame) {
   return acquisition.T_us_probe.inverse() * T_us_frame_of(acquisition.truth, frame, middle);
 }
 
+/// Enough that speckle is fully developed where the beam is narrowest.
+int scatterers_per_cell(const BeamProfile& profile) {
+  constexpr double kPerResolutionCell = 6.0;
+  const double lattice_cell_mm3 = std::pow(TissueRaster::kPitchMm, 3);
+  const double needed =
+      kPerResolutionCell * lattice_cell_mm3 / profile.smallest_resolution_cell_mm3();
+  return std::clamp(static_cast<int>(std::ceil(needed)), 1, 8);
+}
+
 }  // namespace
 
 std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
@@ -67,7 +77,8 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
 
   const ScannedBody body(scene, placement, apices(beams));
   const TissueRaster raster(body, beams, stage(progress, 0.0, 0.25));
-  const ScattererField field = make_scatterers(body, raster, seed, stage(progress, 0.25, 0.45));
+  const ScattererField field = make_scatterers(body, raster, scatterers_per_cell(profile), seed,
+                                               stage(progress, 0.25, 0.45));
   const AttenuationVolume attenuation(body, raster, beams, frequency_mhz, options.tissue_speeds);
 
   std::vector<TransmissionMap> transmissions(static_cast<std::size_t>(geometry.frames()));

@@ -32,8 +32,13 @@ double reflection(const TissueProperties& a, const TissueProperties& b) {
 
 class ScattererMaker {
  public:
-  ScattererMaker(const ScannedBody& body, const TissueRaster& raster, std::uint64_t seed)
-      : body_(body), raster_(raster), tissues_(body.scene().tissues), seed_(seed) {}
+  ScattererMaker(const ScannedBody& body, const TissueRaster& raster, int per_cell,
+                 std::uint64_t seed)
+      : body_(body),
+        raster_(raster),
+        tissues_(body.scene().tissues),
+        per_cell_(per_cell),
+        seed_(seed) {}
 
   ScattererField::Block make_block(const Vector3i& first) const {
     ScattererField::Block block;
@@ -70,11 +75,14 @@ class ScattererMaker {
     const bool uniform_cell =
         std::all_of(corners.begin(), corners.end(), [&](Tissue t) { return t == corners[0]; });
     const std::uint64_t h = hash(seed_, cell.x(), cell.y(), cell.z());
-    const Vector3d jitter(uniform(h), uniform(hash(h, 1)), uniform(hash(h, 2)));
-    const Vector3d p = kPitch * (cell.cast<double>() + jitter);
-    const Tissue tissue = uniform_cell ? corners[0] : body_.tissue(p);
-    add_volume(p, tissue, h, block);
-    if (!uniform_cell) add_surface(cell, corners, p, tissue, h, block);
+    for (int n = 0; n < per_cell_; ++n) {
+      const std::uint64_t own = hash(h, 100 + static_cast<std::uint64_t>(n));
+      const Vector3d jitter(uniform(own), uniform(hash(own, 1)), uniform(hash(own, 2)));
+      const Vector3d p = kPitch * (cell.cast<double>() + jitter);
+      const Tissue tissue = uniform_cell ? corners[0] : body_.tissue(p);
+      add_volume(p, tissue, own, block);
+      if (!uniform_cell && n == 0) add_surface(cell, corners, p, tissue, h, block);
+    }
   }
 
   void add_volume(const Vector3d& p, Tissue tissue, std::uint64_t h,
@@ -87,8 +95,11 @@ class ScattererMaker {
       level_db += properties.texture_db * texture_at(anatomy, properties, tissue, p, seed_);
     if (properties.septa_db > 0.0)
       level_db += properties.septa_db * sheet_at(anatomy, properties, tissue, p, seed_);
-    const double amplitude =
-        std::sqrt(kPitch * kPitch * kPitch) * std::pow(10.0, level_db / 20.0) * normal(hash(h, 3));
+    // Rayleigh-distributed strengths with mean square 1, random phases by position: sums of few of
+    // them already have the statistics of fully developed speckle (excess of the fourth moment 0).
+    const double strength = std::sqrt(-std::log(1.0 - uniform(hash(h, 3))));
+    const double amplitude = std::sqrt(kPitch * kPitch * kPitch / per_cell_) *
+                             std::pow(10.0, level_db / 20.0) * strength;
     block.volume.push_back(
         {body_.placement().probe_from_ct(p).cast<float>(), static_cast<float>(amplitude)});
   }
@@ -157,6 +168,7 @@ class ScattererMaker {
   const ScannedBody& body_;
   const TissueRaster& raster_;
   const TissueTable& tissues_;
+  int per_cell_;
   std::uint64_t seed_;
 };
 
@@ -182,9 +194,9 @@ ScattererField::Block ball_block(const ScannedBody& body, std::uint64_t seed) {
 
 }  // namespace
 
-ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster,
+ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster, int per_cell,
                                std::uint64_t seed, const Progress& progress) {
-  const ScattererMaker maker(body, raster, seed);
+  const ScattererMaker maker(body, raster, per_cell, seed);
   ScattererField field;
   field.blocks.resize(raster.blocks().size());
   parallel_for(

@@ -40,10 +40,10 @@ struct ScattererField {
   std::vector<Block> blocks;
 };
 
-/// One volume scatterer per lattice cell, jittered, with normally distributed amplitude scaled by
-/// the local echogenicity; one surface scatterer per cell that an interface crosses. Both depend on
-/// seed and cell only.
-ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster,
+/// `per_cell` volume scatterers in each lattice cell, jittered, their strength scaled by the local
+/// echogenicity; one surface scatterer per cell that an interface crosses. All depend on seed and
+/// cell only, so they stay where they are whatever is scanned.
+ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster, int per_cell,
                                std::uint64_t seed, const Progress& progress);
 
 }  // namespace usct::phantom
