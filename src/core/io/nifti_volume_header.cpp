@@ -24,6 +24,7 @@ constexpr int kHeaderBytes = 348;
 constexpr int kNifti2HeaderBytes = 540;
 /// The magic ends the header; four bytes that announce extensions follow.
 constexpr std::size_t kLeastDataOffset = 352;
+constexpr double kLargestDataOffset = 2147483648.0;
 /// How far qform and sform may place a voxel apart, in voxels.
 constexpr double kFormTolerance = 0.1;
 
@@ -238,9 +239,9 @@ VolumeHeader read_nifti_header(const fs::path& path) {
                                to_lps.cwiseProduct(form.origin));
 
   const double offset = file.number(108, "vox_offset");
-  if (offset < kLeastDataOffset || offset != std::floor(offset))
-    throw InputError(path.string(),
-                     "'vox_offset' is " + format(offset) + ", must be a whole number >= 352");
+  if (offset < kLeastDataOffset || offset > kLargestDataOffset || offset != std::floor(offset))
+    throw InputError(path.string(), "'vox_offset' is " + format(offset) +
+                                        ", must be a whole number >= 352 and <= 2^31");
   header.data_file = path;
   header.encoding = file.gzipped() ? Encoding::kGzip : Encoding::kRaw;
   header.skip = static_cast<std::uintmax_t>(offset);

@@ -24,6 +24,11 @@ constexpr struct {
 } kComponents[] = {{"int8", 1},   {"uint8", 1}, {"int16", 2},  {"uint16", 2},  {"int32", 4},
                    {"uint32", 4}, {"int64", 8}, {"uint64", 8}, {"float32", 4}, {"float64", 8}};
 
+/// A whole number, in all its digits unless it is absurd.
+std::string count_text(double count) {
+  return count < 1e15 ? std::to_string(static_cast<std::uintmax_t>(count)) : format(count);
+}
+
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
   return svd.matrixU() * svd.matrixV().transpose();
@@ -78,13 +83,12 @@ void check_data_size(const std::string& source, const std::string& field,
   const std::uintmax_t before = header.begin + (raw ? header.skip : 0);
   const double stored = file_bytes > before ? static_cast<double>(file_bytes - before) : 0.0;
   if (raw ? announced == stored : announced <= kDeflateLargestRatio * stored) return;
-  throw InputError(source, "'" + field + "' is " + format(header.grid.size) + ", so the voxels (" +
-                               name_of(header.component) + ") take " +
-                               std::to_string(static_cast<std::uintmax_t>(announced)) +
-                               " bytes, but '" + header.data_file.filename().string() + "' has " +
-                               std::to_string(static_cast<std::uintmax_t>(stored)) +
-                               (raw ? " for them, must be the same"
-                                    : " compressed bytes, which cannot hold them"));
+  throw InputError(
+      source,
+      "'" + field + "' is " + format(header.grid.size) + ", so the voxels (" +
+          name_of(header.component) + ") take " + count_text(announced) + " bytes, but '" +
+          header.data_file.filename().string() + "' has " + count_text(stored) +
+          (raw ? " for them, must be the same" : " compressed bytes, which cannot hold them"));
 }
 
 }  // namespace usct::io

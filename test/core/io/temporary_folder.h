@@ -7,11 +7,16 @@
 
 namespace usct::test {
 
-/// A new folder below the system's temporary folder, removed with all it holds at the end.
+/// A new folder, removed with all it holds at the end. In memory where there is such a place: tests
+/// rewrite small files thousands of times, which a disk may flush each time.
 class TemporaryFolder {
  public:
   TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "usct_test_XXXXXX").string();
+    const std::filesystem::path in_memory = "/dev/shm";
+    const std::filesystem::path parent = std::filesystem::is_directory(in_memory)
+                                             ? in_memory
+                                             : std::filesystem::temp_directory_path();
+    std::string name = (parent / "usct_test_XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot create " + name);
     path_ = name;
   }

@@ -142,7 +142,7 @@ TEST_P(VolumeFormats, DamagedBytesNeverDoWorseThanAnInputError) {
   const std::string whole = get(path_);
   std::mt19937 random(17);
   int refused = 0;
-  for (int round = 0; round < 2000; ++round) {
+  for (int round = 0; round < 1000; ++round) {
     std::string damaged = whole;
     for (int flips = 0; flips < 1 + round % 4; ++flips)
       damaged[random() % damaged.size()] = static_cast<char>(random());
@@ -481,7 +481,7 @@ TEST_F(Nifti, NamesWhatIsWrongInTheHeader) {
   expect_refused(NiftiFile().put(42, std::int16_t{30000}), {"'dim'", "must be the same"});
   expect_refused(NiftiFile().put(70, std::int16_t{128}), {"'datatype'", "128"});
   expect_refused(NiftiFile().put(108, 0.0F), {"'vox_offset'", ">= 352"});
-  expect_refused(NiftiFile().put(108, 1e30F), {"'dim'"});
+  expect_refused(NiftiFile().put(108, 1e30F), {"'vox_offset'", "<= 2^31"});
   expect_refused(NiftiFile().put(108, NAN), {"'vox_offset'", "nan"});
   expect_refused(NiftiFile().put(112, NAN), {"'scl_slope'", "nan"});
   expect_refused(NiftiFile().put(254, std::int16_t{0}), {"'qform_code'", "both 0"});
