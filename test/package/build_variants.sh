@@ -4,15 +4,16 @@
 # `cmake` installs what BUILD_FOLDER holds; the others build from a copy in a temporary folder.
 set -euo pipefail
 project=$1 build=$2 variant=$3
+source "$(dirname "$0")/sources.sh"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 source_dir=$work/ws/src/us_ct_registration
 # Lets ccache know a file again at another place.
 export CCACHE_BASEDIR=$work CCACHE_NOHASHDIR=1
 
-copy_sources() {  # only what git knows or would add: as a user's checkout
+copy_sources() {  # as a user's checkout
   mkdir -p "$source_dir"
-  (cd "$project" && git ls-files -z --cached --others --exclude-standard | xargs -0 cp --parents -t "$source_dir")
+  (cd "$project" && list_sources "$project" | xargs -0 cp --parents -t "$source_dir")
 }
 
 use_from() {  # use_from PREFIX: builds and runs the downstream package against it

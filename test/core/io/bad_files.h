@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/io/temporary_folder.h"
+#include "core/io/without_permission.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::test {
@@ -71,10 +72,9 @@ inline void expect_refuses_broken_files(
   expect_input_error([&] { read(path); }, {path.string(), "is empty"});
   spit(path, good);
   EXPECT_NO_THROW(read(path));
-  if (::geteuid() != 0) {  // root reads everything
-    std::filesystem::permissions(path, std::filesystem::perms::none);
+  {
+    const WithoutPermission lock(path);
     expect_input_error([&] { read(path); }, {path.string(), "cannot be opened"});
-    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
   }
   spit(path, "GIF89a\x01\x02 something else altogether\n\n");
   expect_input_error([&] { read(path); }, {path.string()});
