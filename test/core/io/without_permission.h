@@ -14,8 +14,10 @@ class WithoutPermission {
       : file_(std::move(file)), was_root_(::geteuid() == 0) {
     // The folder stays open to all, so that it is the file that refuses.
     using std::filesystem::perms;
-    std::filesystem::permissions(file_.parent_path(), perms::others_exec | perms::others_read,
-                                 std::filesystem::perm_options::add);
+    std::filesystem::permissions(
+        file_.parent_path(),
+        perms::group_read | perms::group_exec | perms::others_read | perms::others_exec,
+        std::filesystem::perm_options::add);
     std::filesystem::permissions(file_, std::filesystem::perms::none);
     if (was_root_ && ::seteuid(kNobody) != 0) throw std::runtime_error("cannot cease to be root");
   }
