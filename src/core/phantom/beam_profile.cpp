@@ -43,7 +43,8 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
     const double depth = (i + 0.5) / kStepsPerMm;
     const OneWay transmit =
         focused_beam(options.aperture_mm, transmit_focus_mm, depth, wavelength_mm_);
-    const double receive = kDiffraction * wavelength_mm_ * depth / (2.0 * half_aperture_mm(depth));
+    const double receive = kDiffraction * wavelength_mm_ *
+                           std::max(options.f_number, depth / (2.0 * half_aperture_mm(depth)));
     const OneWay lens = focused_beam(options.elevation_aperture_mm, options.elevation_focus_mm,
                                      depth, wavelength_mm_);
     // Widths of products of Gaussians.

@@ -24,6 +24,7 @@ constexpr float kSideLobe = 0.03F;
 constexpr float kSideLobeWiden = 3.2F;
 // Echoes below this (cortex = 1) are not worth following.
 constexpr float kFaint = 1e-4F;
+constexpr float kNothingLeft = 3e-6F;
 
 /// Phasors and Gaussians at a glance; 1/4096 of a turn is -60 dB of error.
 struct Tables {
@@ -68,6 +69,12 @@ float power(float x, int n) {
   for (; n > 0; n >>= 1, x *= x)
     if (n & 1) result *= x;
   return result;
+}
+
+/// std::floor without the call that baseline x86-64 makes of it; for |x| < 2^20.
+int floor_of(float x) {
+  const int truncated = static_cast<int>(x);
+  return truncated - (static_cast<float>(truncated) > x ? 1 : 0);
 }
 
 float unit_from(std::uint32_t h) { return static_cast<float>(uniform(mix(h))); }
@@ -126,10 +133,11 @@ FrameSynthesis::FrameSynthesis(const ScattererField& field, const BeamProfile& p
 
 FrameSynthesis::Place FrameSynthesis::place_of(const Vector3f& p) const {
   Place place{};
+  place.y_mm = p.y();
   place.z_mm = p.z();
   if (curved_) {
     place.along = std::atan2(p.x(), p.y());
-    place.radius_mm = std::hypot(p.x(), p.y());
+    place.radius_mm = std::sqrt(p.x() * p.x() + p.y() * p.y());
     place.depth_mm = place.radius_mm - array_radius_mm_;
   } else {
     place.along = p.x();
@@ -142,6 +150,10 @@ FrameSynthesis::Place FrameSynthesis::place_of(const Vector3f& p) const {
   else
     place.line = static_cast<float>(line_table_.index_of(static_cast<double>(place.along)));
   return place;
+}
+
+float FrameSynthesis::depth_of(const Vector3f& p) const {
+  return curved_ ? std::sqrt(p.x() * p.x() + p.y() * p.y()) - array_radius_mm_ : p.y();
 }
 
 void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const Echo& echo,
@@ -160,8 +172,7 @@ void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const 
   const auto scale = static_cast<float>(1.0 + options_.sound_speed_error);
   const auto start = static_cast<float>(geometry_.axial.start_depth_mm);
   const auto per_mm = static_cast<float>(1.0 / geometry_.axial.spacing_mm);
-  const float lever_mm =
-      (curved_ ? place.radius_mm * std::cos(place.along) : place.depth_mm) - axis_offset_mm_;
+  const float lever_mm = place.y_mm - axis_offset_mm_;
 
   const auto add_line = [&](int l) {
     const auto n = static_cast<std::size_t>(l);
@@ -172,17 +183,19 @@ void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const 
     const float range = place.depth_mm + echo.extra_range_mm + x * x * bend +
                         0.25F * z * z * width.elevation_curvature;
     const float sample = (range * scale - start) * per_mm;
-    const float whole = std::floor(sample);
-    const int i = static_cast<int>(whole) - (taps_ / 2 - 1);
+    const int whole = floor_of(sample);
+    const int i = whole - (taps_ / 2 - 1);
     if (i < -signal.pad || i + taps_ > signal.samples + signal.pad) return;
     const float turn = range * turns_per_mm + echo.turn;
     const auto phase =
-        static_cast<std::size_t>((turn - std::floor(turn)) * Tables::kTurn) & (Tables::kTurn - 1);
+        static_cast<std::size_t>((turn - static_cast<float>(floor_of(turn))) * Tables::kTurn) &
+        (Tables::kTurn - 1);
     const float amplitude = echo.amplitude * table.gaussian(spread);
     const float re = amplitude * table.cosine[phase];
     const float im = -amplitude * table.sine[phase];
     // A sample just below 0 has a fraction that rounds to 1.
-    const int fraction = std::min(kFractions - 1, static_cast<int>((sample - whole) * kFractions));
+    const int fraction = std::min(
+        kFractions - 1, static_cast<int>((sample - static_cast<float>(whole)) * kFractions));
     const float* taps = &tap_table_[static_cast<std::size_t>(fraction * taps_)];
     float* to_re = &signal.re[signal.start(l, i)];
     float* to_im = &signal.im[signal.start(l, i)];
@@ -207,7 +220,7 @@ void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const 
 void FrameSynthesis::add_volume(const Scatterer& scatterer, const Isometry3f& T_frame_probe,
                                 const TransmissionMap& transmission, Signal& signal) const {
   const Vector3f p = T_frame_probe * scatterer.p_mm;
-  const float depth = curved_ ? std::hypot(p.x(), p.y()) - array_radius_mm_ : p.y();
+  const float depth = depth_of(p);
   if (depth < 0.0F) return;
   const BeamWidth& width = profile_.at(depth);
   if (std::abs(p.z()) > kReach * width.elevation_sigma_mm + largest_tilt_rad_ * (depth + 60.0F))
@@ -215,9 +228,8 @@ void FrameSynthesis::add_volume(const Scatterer& scatterer, const Isometry3f& T_
   const Place place = place_of(p);
   if (place.line < -8.0F || place.line > static_cast<float>(line_positions_.size()) + 7.0F) return;
   const TransmissionMap::Value left = transmission.at(place.line, depth);
-  if (left.level_db < -110.0F) return;
-  const float amplitude =
-      scatterer.amplitude * width.speckle_scale * std::exp2(left.level_db * 0.16609640F);
+  if (left.level < kNothingLeft) return;
+  const float amplitude = scatterer.amplitude * width.speckle_scale * left.level;
   add_echo(place, width, {amplitude, left.delay_mm, 0.0F, 1.0F}, signal);
 }
 
@@ -237,7 +249,7 @@ void FrameSynthesis::add_surface(const SurfaceScatterer& scatterer, const Isomet
   const TransmissionMap::Value left =
       transmission.at(place.line, std::max(0.0F, place.depth_mm - above_mm));
   const auto specular = static_cast<float>(options_.specular);
-  float amplitude = scatterer.amplitude * std::exp2(left.level_db * 0.16609640F);
+  float amplitude = scatterer.amplitude * left.level;
   if (scatterer.ball_radius_mm == 0.0F) {
     const Vector3f normal = T_frame_probe.linear() * scatterer.normal;
     const Vector3f beam = curved_ ? Vector3f(std::sin(place.along), std::cos(place.along), 0.0F)
@@ -288,7 +300,7 @@ void FrameSynthesis::add_ringing(const SurfaceScatterer& scatterer, const Place&
 bool FrameSynthesis::block_in_reach(const ScattererField::Block& block,
                                     const Isometry3f& T_frame_probe) const {
   const Vector3f p = T_frame_probe * block.centre_mm;
-  const float depth = curved_ ? std::hypot(p.x(), p.y()) - array_radius_mm_ : p.y();
+  const float depth = depth_of(p);
   const float near = std::max(0.0F, depth - block.radius_mm);
   const float far = std::max(0.0F, depth + block.radius_mm);
   const float widest =

@@ -31,6 +31,7 @@ class FrameSynthesis {
     float line;       // continuous index
     float radius_mm;  // distance from the centre of curvature; 0: the array is flat
     float depth_mm;
+    float y_mm;
     float z_mm;
   };
   struct Echo {
@@ -41,6 +42,7 @@ class FrameSynthesis {
   };
   struct Signal;
 
+  float depth_of(const Eigen::Vector3f& p_frame_mm) const;
   Place place_of(const Eigen::Vector3f& p_frame_mm) const;
   bool block_in_reach(const ScattererField::Block& block, const Eigen::Isometry3f& T) const;
   void add_volume(const Scatterer& scatterer, const Eigen::Isometry3f& T_frame_probe,

@@ -32,11 +32,11 @@ std::vector<double> typical_level_db(const std::vector<TransmissionMap>& maps) {
   for (int j = 0; j < maps.front().depths; ++j) {
     levels.clear();
     for (const TransmissionMap& map : maps)
-      for (int i = 0; i < map.lines; ++i) levels.push_back(map.level_db[map.offset(i, j)]);
+      for (int i = 0; i < map.lines; ++i) levels.push_back(map.level[map.offset(i, j)]);
     const auto nth = levels.begin() + static_cast<std::ptrdiff_t>(
                                           kTgcPercentile * static_cast<double>(levels.size() - 1));
     std::nth_element(levels.begin(), nth, levels.end());
-    typical.push_back(static_cast<double>(*nth));
+    typical.push_back(20.0 * std::log10(std::max(1e-9, static_cast<double>(*nth))));
   }
   return typical;
 }

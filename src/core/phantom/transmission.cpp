@@ -15,8 +15,6 @@ using Eigen::Vector3i;
 
 constexpr double kSpeedOfScannerMs = 1540.0;
 constexpr float kRayStepMm = 0.8F;
-// Below this nothing is left; keeps sums and logarithms finite.
-constexpr float kFloorDb = -150.0F;
 
 /// Rays of the aperture: places across the half aperture and the half height, and weights.
 struct ApertureRay {
@@ -159,7 +157,7 @@ TransmissionMap::Value TransmissionMap::at(float line, float depth_mm) const {
         field[n + depth_count] + fv * (field[n + depth_count + 1] - field[n + depth_count]);
     return low + fu * (high - low);
   };
-  return {blend(level_db), blend(delay_mm)};
+  return {blend(level), blend(delay_mm)};
 }
 
 TransmissionMap make_transmission_map(const AttenuationVolume& attenuation,
@@ -169,8 +167,8 @@ TransmissionMap make_transmission_map(const AttenuationVolume& attenuation,
   TransmissionMap map;
   map.lines = (lines - 1 + TransmissionMap::kLineStep) / TransmissionMap::kLineStep + 1;
   map.depths = static_cast<int>(deepest_mm / TransmissionMap::kDepthStepMm) + 2;
-  map.level_db.resize(static_cast<std::size_t>(map.lines) * static_cast<std::size_t>(map.depths));
-  map.delay_mm.resize(map.level_db.size());
+  map.level.resize(static_cast<std::size_t>(map.lines) * static_cast<std::size_t>(map.depths));
+  map.delay_mm.resize(map.level.size());
   for (int i = 0; i < map.lines; ++i) {
     const double line = i * TransmissionMap::kLineStep;
     const Line centre = line_in_frame(array, line);
@@ -189,7 +187,7 @@ TransmissionMap make_transmission_map(const AttenuationVolume& attenuation,
         delay += ray.weight * along.delay_mm;
       }
       const std::size_t n = map.offset(i, j);
-      map.level_db[n] = std::max(kFloorDb, 40.0F * std::log10(one_way + 1e-12F));
+      map.level[n] = one_way * one_way;
       map.delay_mm[n] = delay;
     }
   }

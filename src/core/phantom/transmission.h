@@ -52,13 +52,13 @@ struct TransmissionMap {
   static constexpr int kLineStep = 2;
   static constexpr double kDepthStepMm = 1.5;
 
-  int lines = 0;   // nodes
-  int depths = 0;  // nodes
-  std::vector<float> level_db;
+  int lines = 0;             // nodes
+  int depths = 0;            // nodes
+  std::vector<float> level;  // 1: all of it
   std::vector<float> delay_mm;
 
   struct Value {
-    float level_db;
+    float level;
     float delay_mm;
   };
   /// At a continuous line and a depth below the array.
