@@ -18,7 +18,7 @@ enum class OptimizerMethod {
   /// Quadratic models in a trust region (Powell 2009): by far the fewest evaluations where the cost
   /// is smooth.
   kBobyqa,
-  /// Downhill simplex, pinned to the box where it reaches a face (Richardson and Kuester 1973).
+  /// Downhill simplex (Nelder and Mead 1965).
   kNelderMead,
   /// Principal axes (Brent 1972), Powell's direction sets made robust.
   kPraxis,
@@ -38,7 +38,7 @@ struct OptimizerProblem {
   /// throws ends the optimization and reaches the caller.
   std::function<double(const Eigen::VectorXd&)> cost;
   Eigen::VectorXd start;
-  /// The box, faces included; infinite where there is no bound.
+  /// The box, faces included; both infinite where there are no bounds.
   Eigen::VectorXd lower;
   Eigen::VectorXd upper;
   /// How far each parameter must change for about the same effect: one unit of the steps and
@@ -119,8 +119,9 @@ struct OptimizerResult {
 ///
 /// Deterministic: the same problem, options and seed give the same bits, however many optimizations
 /// run in other threads at the same time. (PRAXIS seeds NLopt's generator, of which each thread has
-/// its own.) Where a method knows no bounds, as CMA-ES and PRAXIS, the cost beyond a face is that
-/// of the mirror image in the box.
+/// its own.) Only BOBYQA knows
+/// bounds; for the others each parameter is a sine of theirs (of unit slope in the middle of the
+/// box), so that steps shorten towards a face and a minimum on it is found like any other.
 ///
 /// Throws InputError if the problem, the options, or the two together are invalid.
 OptimizerResult optimize(const OptimizerProblem& problem, const OptimizerOptions& options,

@@ -35,8 +35,8 @@ struct StartOptions {
 /// Poses to start from, spread evenly without random numbers: the same for the same options. The
 /// first is the initial pose, 0. Each beginning of the sequence is spread evenly as well.
 ///
-/// Additive recurrence with the generalised golden ratio (Roberts 2018). Over six dimensions and
-/// 256 points it leaves the same gaps as Sobol's sequence, and needs no table.
+/// Sobol's sequence (Sobol 1967, direction numbers of Joe and Kuo 2008); counts that are powers of
+/// two are the most even.
 std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options);
 
 }  // namespace usct

@@ -13,11 +13,15 @@ namespace {
 
 using pagmo::vector_double;
 
+// Matrices of Eigen that pagmo's library allocates are freed here.
+static_assert(EIGEN_MALLOC_ALREADY_ALIGNED,
+              "Eigen aligns memory in its own way here (-mavx, -march=native?), unlike in pagmo");
+
 /// The evaluator as pagmo wants a problem: copied at will.
 struct PagmoProblem {
   vector_double fitness(const vector_double& units) const {
     const auto size = static_cast<Eigen::Index>(units.size());
-    return {evaluator->at_mirror_image(Eigen::Map<const Eigen::VectorXd>(units.data(), size))};
+    return {evaluator->at_folded(Eigen::Map<const Eigen::VectorXd>(units.data(), size))};
   }
   /// pagmo takes the width as the first standard deviation of its samples, in steps; no more.
   std::pair<vector_double, vector_double> get_bounds() const {

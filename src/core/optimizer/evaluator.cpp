@@ -6,15 +6,14 @@
 namespace usct::optimizer {
 namespace {
 
-/// Space folded at the faces of [lower, upper], which may be infinite: continuous, and the identity
-/// within.
-double mirrored(double value, double lower, double upper) {
-  if (value >= lower && value <= upper) return value;
-  if (std::isinf(upper)) return 2.0 * lower - value;
-  if (std::isinf(lower)) return 2.0 * upper - value;
-  const double width = upper - lower;
-  const double beyond = std::fmod(std::abs(value - lower), 2.0 * width);
-  return lower + (beyond <= width ? beyond : 2.0 * width - beyond);
+/// All numbers onto [lower, upper], 0 onto 0; smooth, so that a minimum on a face looks like any
+/// other, where a mirror would make it an edge. The identity where there are no bounds.
+double folded(double value, double lower, double upper) {
+  if (std::isinf(lower)) return value;
+  const double centre = 0.5 * (lower + upper);
+  const double half_width = 0.5 * (upper - lower);
+  const double phase_of_0 = std::asin(std::clamp(-centre / half_width, -1.0, 1.0));
+  return centre + half_width * std::sin(phase_of_0 + value / half_width);
 }
 
 }  // namespace
@@ -41,10 +40,12 @@ double Evaluator::at(const Eigen::VectorXd& units) {
   return std::isfinite(worst_) ? worst_ : std::numeric_limits<double>::max();
 }
 
-double Evaluator::at_mirror_image(Eigen::VectorXd units) {
+double Evaluator::at_folded(const Eigen::VectorXd& units) {
+  if (units.isZero(0.0)) return at(units);
+  Eigen::VectorXd in_box(units.size());
   for (Eigen::Index i = 0; i < units.size(); ++i)
-    units[i] = mirrored(units[i], lower_[i], upper_[i]);
-  return at(units);
+    in_box[i] = folded(units[i], lower_[i], upper_[i]);
+  return at(in_box);
 }
 
 double Evaluator::evaluate(const Eigen::VectorXd& units) {

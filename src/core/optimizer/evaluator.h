@@ -34,8 +34,8 @@ class Evaluator {
   /// the worst finite one so far, which keeps arithmetic on them sound; without any, as the largest
   /// number. Throws Stop.
   double at(const Eigen::VectorXd& units);
-  /// Cost of any point's mirror image in the box. Throws Stop.
-  double at_mirror_image(Eigen::VectorXd units);
+  /// For methods that know no bounds: all of space is folded into the box. Throws Stop.
+  double at_folded(const Eigen::VectorXd& units);
 
   OptimizerResult result(const Stop& stop) const;
 

@@ -26,7 +26,7 @@ nlopt_algorithm algorithm_of(OptimizerMethod method) {
 struct Callback {
   Evaluator& evaluator;
   nlopt_opt_s* nlopt;
-  bool mirror;
+  bool fold;
   std::exception_ptr thrown;
 
   static double call(unsigned size, const double* units, double* /*gradient*/, void* data) {
@@ -38,7 +38,7 @@ struct Callback {
     // Some methods ask again before they heed the stop.
     if (thrown) return HUGE_VAL;
     try {
-      return mirror ? evaluator.at_mirror_image(units) : evaluator.at(units);
+      return fold ? evaluator.at_folded(units) : evaluator.at(units);
     } catch (...) {
       thrown = std::current_exception();
       nlopt_force_stop(nlopt);
@@ -74,10 +74,11 @@ Stop run_nlopt(Evaluator& evaluator, const OptimizerOptions& options) {
   const NLopt nlopt(nlopt_create(algorithm_of(options.method), size), &nlopt_destroy);
   if (!nlopt) throw std::bad_alloc();
 
-  // NLopt's PRAXIS returns infinity outside the box, which spoils its parabolas near a face.
-  Callback callback{evaluator, nlopt.get(), options.method == OptimizerMethod::kPraxis, nullptr};
+  // NLopt's Nelder-Mead pins points to faces, where the simplex collapses before it is at the
+  // minimum; its PRAXIS takes infinity beyond them, which spoils the parabolas.
+  Callback callback{evaluator, nlopt.get(), options.method != OptimizerMethod::kBobyqa, nullptr};
   nlopt_set_min_objective(nlopt.get(), &Callback::call, &callback);
-  if (!callback.mirror) {
+  if (!callback.fold) {
     nlopt_set_lower_bounds(nlopt.get(), evaluator.lower().data());
     nlopt_set_upper_bounds(nlopt.get(), evaluator.upper().data());
   }

@@ -85,6 +85,8 @@ void OptimizerProblem::validate(const std::string& source) const {
             scale[i], ", must be finite and > 0");
     require(lower[i] < upper[i], source, "'lower' of parameter ", i, " is ", lower[i],
             ", must be < 'upper', which is ", upper[i]);
+    require(std::isfinite(lower[i]) == std::isfinite(upper[i]), source, "bounds of parameter ", i,
+            " are ", lower[i], " and ", upper[i], ", must be both finite or both infinite");
     require(std::isfinite(start[i]) && lower[i] <= start[i] && start[i] <= upper[i], source,
             "'start' of parameter ", i, " is ", start[i], ", must be finite and within [", lower[i],
             ", ", upper[i], "]");

@@ -1,5 +1,6 @@
 #include "us_ct_registration/registration/starts.h"
 
+#include <boost/random/sobol.hpp>
 #include <cmath>
 #include <limits>
 #include <sstream>
@@ -11,17 +12,10 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// Point `n` of the additive recurrence in [0, 1)^6; point 0 is the middle.
-PoseVector recurrence(int n) {
-  // The root of x^7 = x + 1.
-  constexpr double kGoldenRatio6 = 1.1127756842787055;
+/// The next point of the sequence, in [0, 1)^6.
+PoseVector next_point(boost::random::sobol& sequence) {
   PoseVector point;
-  double step = 1.0;
-  for (Eigen::Index i = 0; i < 6; ++i) {
-    step /= kGoldenRatio6;
-    const double value = 0.5 + n * step;
-    point[i] = value - std::floor(value);
-  }
+  for (double& value : point) value = std::ldexp(static_cast<double>(sequence() >> 11U), -53);
   return point;
 }
 
@@ -74,7 +68,10 @@ void StartOptions::validate(const std::string& source) const {
 std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options) {
   options.validate("start options");
   std::vector<PoseVector> starts{PoseVector::Zero()};
-  for (int n = 1; n < options.count; ++n) starts.push_back(start(pose, options, recurrence(n)));
+  boost::random::sobol sequence(6);
+  sequence.discard(6);  // its first point is the middle, too
+  while (starts.size() < static_cast<std::size_t>(options.count))
+    starts.push_back(start(pose, options, next_point(sequence)));
   return starts;
 }
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "optimizer/test_problems.h"
+#include "core/optimizer/test_problems.h"
 
 /// Each method finds minima that are known from the formula, from several starts.
 namespace usct::test {
@@ -88,8 +88,8 @@ TEST_P(EachMethod, NeedsNoBounds) {
   const double infinite = std::numeric_limits<double>::infinity();
   OptimizerProblem problem =
       problem_of(rotated_quadratic(minimum, 5.0), minimum + point_at(10.0, 6, 2), infinite);
-  problem.lower[2] = -1e3;
-  problem.upper[3] = 1e3;
+  problem.lower[2] = -30.0;
+  problem.upper[2] = 30.0;
   expect_minimum(optimize(problem, options_of(GetParam())), minimum, 0.02);
 }
 
@@ -120,16 +120,18 @@ TEST_P(EachMethod, EndsOnAPlateau) {
 }
 
 TEST_P(EachMethod, ImprovesUnderNoise) {
-  // A bowl of depth 1 per 10 mm squared, with noise of 0.02.
+  if (GetParam() == OptimizerMethod::kPraxis)
+    GTEST_SKIP() << "parabolas through noisy points: Brent's method promises nothing here";
+  // A bowl with noise that hides what lies within 10 sqrt(2 * 0.02) = 2 mm of its minimum.
   const Cost cost = [](const Eigen::VectorXd& x) {
     return x.squaredNorm() / 100.0 + 0.02 * rough(x);
   };
-  const OptimizerResult result =
-      optimize(problem_of(cost, point_at(15.0, 6, 3)), options_of(GetParam(), 1500));
-  ASSERT_TRUE(result.best);
-  // Noise hides what lies within 10 sqrt(2 * 0.02) = 2 mm of the minimum.
-  EXPECT_LT(result.best->norm(), 6.0) << result.reason;
-  record("error_um", static_cast<int>(1000.0 * result.best->norm()));
+  for (const unsigned start : {2U, 3U, 4U, 5U}) {
+    const OptimizerResult result =
+        optimize(problem_of(cost, point_at(15.0, 6, start)), options_of(GetParam(), 1500));
+    ASSERT_TRUE(result.best);
+    EXPECT_LT(result.best->norm(), 4.0) << "start " << start << ": " << result.reason;
+  }
 }
 
 /// A bowl in which egg-box minima 2 mm apart trap whoever sees only slopes.

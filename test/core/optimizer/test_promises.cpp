@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "io/expect_input_error.h"
-#include "optimizer/test_problems.h"
+#include "core/io/expect_input_error.h"
+#include "core/optimizer/test_problems.h"
 
 /// What holds for every method, whatever the cost: budget, box, cancellation, costs that are none,
 /// the same bits.
@@ -73,7 +73,7 @@ TEST_P(Promise, NoCostIsAskedForOutsideTheBox) {
   problem.cost = [&](const Eigen::VectorXd& x) {
     if ((x.array() < problem.lower.array()).any() || (x.array() > problem.upper.array()).any())
       outside = true;
-    return x.dot(Eigen::VectorXd::LinSpaced(6, -3.0, 2.0));
+    return x.dot(Eigen::VectorXd::LinSpaced(6, -3.0, 3.0));
   };
   OptimizerOptions options = options_of(GetParam(), 3000);
   const OptimizerResult result = optimize(problem, options);
@@ -116,7 +116,7 @@ TEST_P(Promise, ProgressTellsOfEachEvaluationAndNeverGetsWorse) {
   ASSERT_EQ(counts.size(), 100U);
   for (std::size_t i = 0; i < counts.size(); ++i) {
     EXPECT_EQ(counts[i], static_cast<int>(i) + 1);
-    if (i > 0) EXPECT_LE(bests[i], bests[i - 1]);
+    EXPECT_LE(bests[i], bests[i > 0 ? i - 1 : 0]);
   }
   EXPECT_EQ(bests.back(), result.cost);
 }
@@ -295,6 +295,7 @@ TEST(BadProblems, AreNamed) {
   expect_refused([](Problem& p) { p.start[2] = 51.0; }, {"'start' of parameter 2", "51", "50"});
   expect_refused([](Problem& p) { p.lower[1] = p.upper[1]; }, {"'lower' of parameter 1", "50"});
   expect_refused([](Problem& p) { p.upper[1] = kNaN; }, {"parameter 1", "nan"});
+  expect_refused([](Problem& p) { p.upper[1] = kInfinity; }, {"parameter 1", "-50", "inf", "both"});
   expect_refused(
       [](Problem& p) {
         p.lower[4] = p.start[4] - 0.01;
