@@ -109,6 +109,21 @@ TEST_P(EachMethod, ScalesMakeUnequalParametersAlike) {
   expect_minimum(result, minimum_in_units, 0.02);
 }
 
+TEST_P(EachMethod, ACostToleranceEndsItEarlier) {
+  const Eigen::VectorXd minimum = point_at(3.0, 6, 1);
+  const OptimizerProblem problem =
+      problem_of(rotated_quadratic(minimum, 10.0), minimum + point_at(10.0, 6, 2));
+  OptimizerOptions options = options_of(GetParam());
+  options.step_tolerance = 1e-8;
+  const OptimizerResult to_the_end = optimize(problem, options);
+  options.cost_tolerance = 1e-2;
+  const OptimizerResult early = optimize(problem, options);
+  EXPECT_EQ(early.status, OptimizerStatus::kConverged);
+  EXPECT_NE(early.reason.find("cost_tolerance"), std::string::npos) << early.reason;
+  EXPECT_LT(early.evaluations, to_the_end.evaluations);
+  EXPECT_LT(early.cost, 1.0);
+}
+
 TEST_P(EachMethod, EndsOnAPlateau) {
   const OptimizerResult result =
       optimize(problem_of([](const Eigen::VectorXd&) { return 0.7; }, point_at(3.0, 6, 2)),
