@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <limits>
 #include <stdexcept>
@@ -130,6 +131,19 @@ TEST_P(Promise, TheStartIsNeverMadeWorse) {
   ASSERT_TRUE(result.best);
   EXPECT_EQ(*result.best, start);
   EXPECT_EQ(result.cost, -5.0);
+}
+
+TEST_P(Promise, TheStartIsEvaluatedFirstAndOnce) {
+  OptimizerProblem problem = bowl_problem();
+  const Cost bowl = problem.cost;
+  std::vector<Eigen::VectorXd> asked;
+  problem.cost = [&](const Eigen::VectorXd& x) {
+    asked.push_back(x);
+    return bowl(x);
+  };
+  optimize(problem, restless(GetParam(), 60));
+  EXPECT_EQ(asked.front(), problem.start);
+  EXPECT_EQ(std::count(asked.begin(), asked.end(), problem.start), 1);
 }
 
 TEST_P(Promise, NothingButNaNFailsWithAReason) {
