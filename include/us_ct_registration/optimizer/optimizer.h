@@ -46,8 +46,8 @@ struct OptimizerProblem {
   Eigen::VectorXd scale;
 
   /// Throws InputError, naming `source`, unless there is a cost, sizes agree, there are two
-  /// parameters at least, lower < upper, the start is finite and in the box, and scales are finite
-  /// and > 0.
+  /// parameters at least, lower < upper with both finite or neither, the start is finite and in the
+  /// box, and scales are finite and > 0.
   void validate(const std::string& source) const;
 };
 
@@ -118,10 +118,10 @@ struct OptimizerResult {
 /// fail with a reason otherwise.
 ///
 /// Deterministic: the same problem, options and seed give the same bits, however many optimizations
-/// run in other threads at the same time. (PRAXIS seeds NLopt's generator, of which each thread has
-/// its own.) Only BOBYQA knows
-/// bounds; for the others each parameter is a sine of theirs (of unit slope in the middle of the
-/// box), so that steps shorten towards a face and a minimum on it is found like any other.
+/// run in other threads at the same time. (NLopt's generator, which PRAXIS uses, is seeded anew;
+/// each thread has its own.) Only BOBYQA knows bounds; for the others each parameter is a sine of
+/// theirs (of unit slope in the middle of the box), so that steps shorten towards a face and a
+/// minimum on it is found like any other.
 ///
 /// Throws InputError if the problem, the options, or the two together are invalid.
 OptimizerResult optimize(const OptimizerProblem& problem, const OptimizerOptions& options,
