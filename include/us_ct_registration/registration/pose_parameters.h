@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+namespace usct {
+
+/// Six numbers that an optimizer may move: three of rotation, three of translation.
+using PoseVector = Eigen::Matrix<double, 6, 1>;
+
+/// Poses `T_us_ct` as six numbers about an initial one, which is 0.
+///
+/// A pose is the initial one followed by a motion in the US frame about the centre c of the given
+/// points (those of the field of view, or of the kidney):
+/// `p_us = c + R(w) (T_us_ct_initial p_ct - c) + t`, with w = S r rad the rotation vector of R,
+/// r the first three numbers, and t mm the last three.
+///
+/// S makes the numbers millimetres: with M the mean over the points of `[p - c]x^T [p - c]x`, mm^2,
+/// a small rotation w moves them by `sqrt(w^T M w)` (root mean square), so S = M^(-1/2). Since the
+/// points' centroid is the centre, the same holds for all six together: **a small step of length 1
+/// in any direction moves the points by 1 mm (root mean square)**.
+///
+/// A rotation vector, where the thesis has Euler angles: no order of axes, no gimbal lock, the same
+/// precision in all directions; and if both poses are moved by a common rigid motion, the numbers
+/// only turn with it. Every pose has such numbers; they are unique for rotations below 180 degrees.
+class PoseParameters {
+ public:
+  /// `points_us_mm`: in the US frame, where the initial pose puts them. Throws InputError if the
+  /// pose is not rigid and finite, or if a point is not finite, or if the points lie on a line
+  /// (fewer than three do): rotation about it would move none.
+  PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
+                 const std::vector<Eigen::Vector3d>& points_us_mm);
+
+  Eigen::Isometry3d T_us_ct(const PoseVector& parameters) const;
+  PoseVector parameters_of(const Eigen::Isometry3d& T_us_ct) const;
+  /// The numbers of the motion with rotation vector w about the centre and translation t.
+  PoseVector parameters_of_motion(const Eigen::Vector3d& rotation_vector_rad,
+                                  const Eigen::Vector3d& translation_mm) const;
+
+  const Eigen::Isometry3d& T_us_ct_initial() const { return T_us_ct_initial_; }
+  const Eigen::Vector3d& centre_us_mm() const { return centre_us_mm_; }
+  /// S, symmetric, rad/mm.
+  const Eigen::Matrix3d& rotation_scale() const { return rotation_scale_; }
+
+ private:
+  Eigen::Isometry3d T_us_ct_initial_;
+  Eigen::Vector3d centre_us_mm_;
+  Eigen::Matrix3d rotation_scale_;
+  Eigen::Matrix3d inverse_rotation_scale_;
+};
+
+/// Mean distance between where two transforms put the points: of `T_us_ct`, points of the CT; in
+/// mm. Throws InputError if there is no point.
+double mean_displacement_mm(const Eigen::Isometry3d& T_a, const Eigen::Isometry3d& T_b,
+                            const std::vector<Eigen::Vector3d>& points_mm);
+
+}  // namespace usct

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/registration/pose_parameters.h"
+
+namespace usct {
+
+/// Which motions away from the initial pose starts are spread over.
+enum class StartRegion {
+  /// Each component of the rotation vector and of the translation, along the axes of the US frame,
+  /// within its bound.
+  kBox,
+  /// The angle of the rotation and the length of the translation within their bounds; rotations
+  /// uniform in the sense of the rotation group, so that with 180 degrees all orientations are
+  /// covered evenly.
+  kBall,
+};
+
+struct StartOptions {
+  StartRegion region = StartRegion::kBox;
+  /// How many starts, the initial pose included; >= 1.
+  int count = 256;
+  /// Half the width of the box (at most 103 degrees, so that no rotation exceeds 180), or the
+  /// radius of the ball (at most 180 degrees); >= 0.
+  double rotation_rad = 0.3490658503988659;  // 20 degrees
+  /// Half the width of the box, or the radius of the ball; >= 0.
+  double translation_mm = 20.0;
+
+  /// Throws InputError, naming `source`, unless all is as said above.
+  void validate(const std::string& source) const;
+};
+
+/// Poses to start from, spread evenly without random numbers: the same for the same options. The
+/// first is the initial pose, 0. Each beginning of the sequence is spread evenly as well.
+///
+/// Sobol's sequence (Sobol 1967, direction numbers of Joe and Kuo 2008); counts that are powers of
+/// two are the most even.
+std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options);
+
+}  // namespace usct

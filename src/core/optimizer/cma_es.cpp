@@ -1,0 +1,109 @@
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <pagmo/algorithms/cmaes.hpp>
+#include <pagmo/population.hpp>
+#include <pagmo/problem.hpp>
+#include <utility>
+
+#include "optimizer/evaluator.h"
+
+namespace usct::optimizer {
+namespace {
+
+using pagmo::vector_double;
+
+// Matrices of Eigen that pagmo's library allocates are freed here, so both must align memory alike.
+// -mavx or -march=native for this project break that. The address sanitizer does not if all is
+// compiled with -DEIGEN_MALLOC_ALREADY_ALIGNED=1.
+static_assert(EIGEN_MALLOC_ALREADY_ALIGNED, "Eigen allocates memory here unlike in pagmo");
+
+/// The evaluator as pagmo wants a problem: copied at will.
+struct PagmoProblem {
+  vector_double fitness(const vector_double& units) const {
+    const auto size = static_cast<Eigen::Index>(units.size());
+    return {evaluator->at_folded(Eigen::Map<const Eigen::VectorXd>(units.data(), size))};
+  }
+  /// pagmo takes the width as the first standard deviation of its samples, in steps; no more.
+  std::pair<vector_double, vector_double> get_bounds() const {
+    return {vector_double(dimension, -0.5), vector_double(dimension, 0.5)};
+  }
+
+  Evaluator* evaluator = nullptr;
+  std::size_t dimension = 2;
+};
+
+std::size_t default_population(std::size_t dimension) {
+  return 4 + static_cast<std::size_t>(3.0 * std::log(static_cast<double>(dimension)));
+}
+
+/// Largest standard deviation of a parameter over the population.
+double spread(const std::vector<vector_double>& points) {
+  const auto size = static_cast<Eigen::Index>(points.front().size());
+  Eigen::ArrayXd sum = Eigen::ArrayXd::Zero(size);
+  Eigen::ArrayXd sum_of_squares = sum;
+  for (const vector_double& point : points) {
+    const Eigen::ArrayXd difference = Eigen::Map<const Eigen::ArrayXd>(point.data(), size) -
+                                      Eigen::Map<const Eigen::ArrayXd>(points[0].data(), size);
+    sum += difference;
+    sum_of_squares += difference.square();
+  }
+  const auto count = static_cast<double>(points.size());
+  return std::sqrt((sum_of_squares / count - (sum / count).square()).maxCoeff());
+}
+
+/// Hansen's TolFun: whether costs have been the same, within a tolerance, for long.
+class Stagnation {
+ public:
+  Stagnation(double tolerance, std::size_t generations)
+      : tolerance_(tolerance), generations_(generations) {}
+
+  bool reached(const std::vector<vector_double>& costs) {
+    const auto [low, high] = std::minmax_element(costs.begin(), costs.end());
+    bests_.push_back((*low)[0]);
+    if (bests_.size() <= generations_) return false;
+    bests_.pop_front();
+    const auto [best_low, best_high] = std::minmax_element(bests_.begin(), bests_.end());
+    return std::max((*high)[0], *best_high) - std::min((*low)[0], *best_low) <= tolerance_;
+  }
+
+ private:
+  double tolerance_;
+  std::size_t generations_;
+  std::deque<double> bests_;
+};
+
+}  // namespace
+
+Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
+  const auto dimension = static_cast<std::size_t>(evaluator.lower().size());
+  const std::size_t size = options.population > 0
+                               ? static_cast<std::size_t>(options.population)
+                               : std::max<std::size_t>(5, default_population(dimension));
+  // The mean of the first generation is the best of what pagmo is given: the start, with its cost,
+  // so that nothing is evaluated here.
+  const double start_cost = std::isfinite(evaluator.start_cost())
+                                ? evaluator.start_cost()
+                                : std::numeric_limits<double>::max();
+  pagmo::population population(pagmo::problem(PagmoProblem{&evaluator, dimension}), 0u,
+                               options.seed);
+  for (std::size_t i = 0; i < size; ++i)
+    population.push_back(vector_double(dimension, 0.0), {start_cost});
+
+  // One generation at a time, with memory: pagmo's own criteria look at one random sample (xtol)
+  // and one generation (ftol), and stop on a plateau at once.
+  constexpr double kAutomatic = -1.0;
+  constexpr double kNever = 0.0;
+  const pagmo::cmaes cma_es(1u, kAutomatic, kAutomatic, kAutomatic, kAutomatic,
+                            options.initial_step, kNever, kNever, true, false, options.seed);
+  Stagnation stagnation(options.cost_tolerance, 10 + (30 * dimension + size - 1) / size);
+  while (true) {
+    population = cma_es.evolve(std::move(population));
+    if (spread(population.get_x()) < options.step_tolerance)
+      return {OptimizerStatus::kConverged, "the population is narrower than 'step_tolerance'"};
+    if (stagnation.reached(population.get_f()))
+      return {OptimizerStatus::kConverged, "the costs lie within 'cost_tolerance'"};
+  }
+}
+
+}  // namespace usct::optimizer

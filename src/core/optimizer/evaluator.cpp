@@ -1,0 +1,86 @@
+#include "optimizer/evaluator.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace usct::optimizer {
+namespace {
+
+/// All numbers onto [lower, upper], 0 onto 0; smooth, so that a minimum on a face looks like any
+/// other, where a mirror would make it an edge. The identity where there are no bounds.
+double folded(double value, double lower, double upper) {
+  if (std::isinf(lower)) return value;
+  const double centre = 0.5 * (lower + upper);
+  const double half_width = 0.5 * (upper - lower);
+  const double phase_of_0 = std::asin(std::clamp(-centre / half_width, -1.0, 1.0));
+  return centre + half_width * std::sin(phase_of_0 + value / half_width);
+}
+
+}  // namespace
+
+Evaluator::Evaluator(const OptimizerProblem& problem, const OptimizerOptions& options,
+                     const OptimizerHooks& hooks)
+    : problem_(problem),
+      options_(options),
+      hooks_(hooks),
+      lower_((problem.lower - problem.start).cwiseQuotient(problem.scale)),
+      upper_((problem.upper - problem.start).cwiseQuotient(problem.scale)) {}
+
+void Evaluator::evaluate_start() {
+  start_cost_ = evaluate(Eigen::VectorXd::Zero(problem_.start.size()));
+}
+
+double Evaluator::at(const Eigen::VectorXd& units) {
+  // Methods that begin at the start need not pay for it again.
+  if (units.isZero(0.0) && std::isfinite(start_cost_)) return start_cost_;
+  if (!units.allFinite())
+    throw Stop{OptimizerStatus::kConverged, "rounding allows no further step"};
+  const double cost = evaluate(units);
+  if (std::isfinite(cost)) return cost;
+  return std::isfinite(worst_) ? worst_ : std::numeric_limits<double>::max();
+}
+
+double Evaluator::at_folded(const Eigen::VectorXd& units) {
+  if (units.isZero(0.0)) return at(units);
+  Eigen::VectorXd in_box(units.size());
+  for (Eigen::Index i = 0; i < units.size(); ++i)
+    in_box[i] = folded(units[i], lower_[i], upper_[i]);
+  return at(in_box);
+}
+
+double Evaluator::evaluate(const Eigen::VectorXd& units) {
+  if (hooks_.cancelled && hooks_.cancelled())
+    throw Stop{OptimizerStatus::kCancelled, "cancelled by the caller"};
+  if (so_far_.evaluations >= options_.max_evaluations)
+    throw Stop{OptimizerStatus::kBudgetExhausted,
+               "all " + std::to_string(options_.max_evaluations) + " evaluations were made"};
+  // Rounding may have carried a point on a face out of the box.
+  const Eigen::VectorXd parameters = (problem_.start + problem_.scale.cwiseProduct(units))
+                                         .cwiseMax(problem_.lower)
+                                         .cwiseMin(problem_.upper);
+  const double cost = problem_.cost(parameters);
+  ++so_far_.evaluations;
+  if (std::isfinite(cost)) {
+    if (!so_far_.best || cost < so_far_.cost) {
+      so_far_.best = parameters;
+      so_far_.cost = cost;
+    }
+    if (!(cost <= worst_)) worst_ = cost;
+  }
+  if (hooks_.progress) hooks_.progress(so_far_.evaluations, so_far_.cost);
+  return std::isfinite(cost) ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
+OptimizerResult Evaluator::result(const Stop& stop) const {
+  OptimizerResult result = so_far_;
+  result.status = stop.status;
+  result.reason = stop.reason;
+  if (!result.best && result.evaluations > 0 && stop.status != OptimizerStatus::kCancelled) {
+    result.status = OptimizerStatus::kFailed;
+    result.reason =
+        "none of " + std::to_string(result.evaluations) + " costs was finite (" + stop.reason + ")";
+  }
+  return result;
+}
+
+}  // namespace usct::optimizer

@@ -1,0 +1,41 @@
+#include "us_ct_registration/registration/landmarks.h"
+
+#include <cmath>
+#include <string>
+
+#include "registration/spread.h"
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+constexpr double kLeastSpreadRatio = 0.05;
+
+Eigen::Matrix3Xd as_columns(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Matrix3Xd columns(3, static_cast<Eigen::Index>(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i)
+    columns.col(static_cast<Eigen::Index>(i)) = points[i];
+  return columns;
+}
+
+}  // namespace
+
+LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_target_mm,
+                                  const std::vector<Eigen::Vector3d>& points_source_mm) {
+  if (points_target_mm.size() != points_source_mm.size())
+    throw InputError("landmarks", std::to_string(points_target_mm.size()) + " target and " +
+                                      std::to_string(points_source_mm.size()) +
+                                      " source points, must be as many");
+  registration::spread_of(points_target_mm, kLeastSpreadRatio, "target landmarks");
+  registration::spread_of(points_source_mm, kLeastSpreadRatio, "source landmarks");
+
+  const Eigen::Matrix3Xd target = as_columns(points_target_mm);
+  const Eigen::Matrix3Xd source = as_columns(points_source_mm);
+  LandmarkAlignment alignment;
+  alignment.T_target_source.matrix() = Eigen::umeyama(source, target, false);
+  const Eigen::Matrix3Xd residuals = target - alignment.T_target_source * source;
+  alignment.residual_mm = std::sqrt(residuals.colwise().squaredNorm().mean());
+  return alignment;
+}
+
+}  // namespace usct

@@ -1,0 +1,78 @@
+#include "us_ct_registration/registration/starts.h"
+
+#include <boost/random/sobol.hpp>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// The next point of the sequence, in [0, 1)^6.
+PoseVector next_point(boost::random::sobol& sequence) {
+  PoseVector point;
+  for (double& value : point) value = std::ldexp(static_cast<double>(sequence() >> 11U), -53);
+  return point;
+}
+
+Eigen::Vector3d direction(double height, double turn) {
+  const double z = 2.0 * height - 1.0;
+  const double radius = std::sqrt(1.0 - z * z);
+  return {radius * std::cos(2.0 * kPi * turn), radius * std::sin(2.0 * kPi * turn), z};
+}
+
+/// The angle below which a fraction of the rotations up to `largest_rad` lie: angles of uniform
+/// rotations have the density 1 - cos.
+double angle_of_uniform_rotation(double fraction, double largest_rad) {
+  const double area = fraction * (largest_rad - std::sin(largest_rad));
+  double low = 0.0;
+  double high = largest_rad;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (low + high);
+    (middle - std::sin(middle) < area ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+PoseVector start(const PoseParameters& pose, const StartOptions& options, const PoseVector& u) {
+  if (options.region == StartRegion::kBox) {
+    const PoseVector signed_u = 2.0 * u - PoseVector::Ones();
+    return pose.parameters_of_motion(options.rotation_rad * signed_u.head<3>(),
+                                     options.translation_mm * signed_u.tail<3>());
+  }
+  return pose.parameters_of_motion(
+      angle_of_uniform_rotation(u[0], options.rotation_rad) * direction(u[1], u[2]),
+      options.translation_mm * std::cbrt(u[3]) * direction(u[4], u[5]));
+}
+
+void require_within(double value, double high, const char* name, const std::string& source) {
+  if (std::isfinite(value) && value >= 0.0 && value <= high) return;
+  std::ostringstream violation;
+  violation << "'" << name << "' is " << value << ", must be within [0, " << high << "]";
+  throw InputError(source, violation.str());
+}
+
+}  // namespace
+
+void StartOptions::validate(const std::string& source) const {
+  if (count < 1) throw InputError(source, "'count' is " + std::to_string(count) + ", must be >= 1");
+  require_within(rotation_rad, region == StartRegion::kBox ? kPi / std::sqrt(3.0) : kPi,
+                 "rotation_rad", source);
+  require_within(translation_mm, std::numeric_limits<double>::max(), "translation_mm", source);
+}
+
+std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options) {
+  options.validate("start options");
+  std::vector<PoseVector> starts{PoseVector::Zero()};
+  boost::random::sobol sequence(6);
+  sequence.discard(6);  // its first point is the middle, too
+  while (starts.size() < static_cast<std::size_t>(options.count))
+    starts.push_back(start(pose, options, next_point(sequence)));
+  return starts;
+}
+
+}  // namespace usct
