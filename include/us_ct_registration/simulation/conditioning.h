@@ -63,7 +63,7 @@ struct DepthOptions {
   /// ... and searched for to this depth, mm, and no further than a third of the line.
   double near_field_limit_mm = 30.0;
   /// Share of the beams that must meet a far wall for it to be believed; > 1: none is looked for.
-  double far_wall_share = 0.3;
+  double far_wall_share = 0.6;
   /// Samples this far in front of the wall's echo go with it, mm.
   double far_wall_margin_mm = 3.0;
 };
@@ -82,14 +82,14 @@ struct ConditioningOptions {
   double window_mm = 8.0;
   /// Added (squared) to the local variance, as a share of the standard deviation of all samples
   /// that count: keeps noise in empty regions from being blown up.
-  double least_deviation = 0.05;
+  double least_deviation = 0.1;
   DepthOptions depth;
   /// Grey value from which a sample is saturated; above 255: none is.
   double saturated_grey = 255.0;
-  /// A line without contact, and a shadow, is darker than this share of what is usual at its depth
-  /// (the median over all beams).
-  double no_contact_share = 0.35;
-  double shadow_share = 0.3;
+  /// A line without contact is darker than this share of what is usual at its depth (the median
+  /// over all beams), in each quarter of it; a shadow at each sample. Speckle is averaged first.
+  double no_contact_share = 0.45;
+  double shadow_share = 0.45;
   /// ... judged only at depths where that usual grey value is at least this.
   double visible_grey = 20.0;
   /// Shorter shadows stay, mm.
@@ -122,9 +122,9 @@ struct ConditionedUltrasound {
 /// Depths, if automatic. *Near field*: the profile of mean brightness over depth is compared with
 /// its median over the middle half of the line; the near field ends behind the last depth (within
 /// near_field_limit_mm) where the profile is out of that by more than 3 robust standard deviations
-/// and 20 %. *Far wall*: per beam, in its last third, the first depth where brightness exceeds mean
-/// + 3 standard deviations and 1.5 times the mean of its first two thirds, then the median of that
-/// over neighbouring beams, so that single echoes do not count.
+/// and 20 %. *Far wall*: per beam, in its deeper half, the first depth where brightness exceeds 1.5
+/// times the upper decile of the first two thirds of all beams (at most grey 180); then the median
+/// of that over neighbouring beams, so that single echoes do not count.
 ///
 /// Windows are Gaussians in millimetres: along the samples, across lines by the distance of
 /// neighbouring lines at that depth (in the middle frame), and across frames likewise (on the

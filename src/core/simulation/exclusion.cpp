@@ -5,18 +5,22 @@
 #include <limits>
 
 #include "parallel.h"
+#include "simulation/gaussian_sums.h"
 #include "simulation/require.h"
 
 namespace usct {
 namespace {
 
-constexpr double kProfileSigmaMm = 1.0;  // smooths speckle along a line
+constexpr double kSpeckleSigmaMm = 1.5;
 constexpr double kRobustDeviations = 3.0;
 constexpr double kMadToDeviation = 1.4826;
 constexpr double kNearFieldChange = 0.2;
 constexpr double kWallRise = 1.5;
+constexpr double kSurelyWallGrey = 180.0;
+constexpr double kDarkShare = 0.9;
 constexpr int kWallNeighbours = 4;  // to either side, lines and frames
 constexpr float kConstantGrey = 1.0F;
+constexpr std::size_t kParts = 4;
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -38,7 +42,7 @@ class Exclusion {
 
   void run() {
     result_.reasons.assign(us_.brightness.size(), 0);
-    parallel_for(beams_, [&](int beam) { smooth(beam); });
+    smooth();
     find_depths();
     find_far_wall();
     const std::vector<double> usual = usual_grey();
@@ -52,20 +56,19 @@ class Exclusion {
   }
   bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
 
-  /// Along the line, over what is known.
-  void smooth(int beam) {
-    const int reach = static_cast<int>(3.0 * kProfileSigmaMm / axial_.spacing_mm);
-    for (int s = 0; s < samples_; ++s) {
-      double sum = 0.0;
-      double weight = 0.0;
-      for (int t = std::max(0, s - reach); t <= std::min(samples_ - 1, s + reach); ++t) {
-        if (!is_known(at(beam, t))) continue;
-        const double x = (s - t) * axial_.spacing_mm / kProfileSigmaMm;
-        sum += std::exp(-0.5 * x * x) * us_.brightness[at(beam, t)];
-        weight += std::exp(-0.5 * x * x);
+  /// Speckle averaged, over what is known.
+  void smooth() {
+    std::vector<float> weight(soft_.size());
+    for (std::size_t i = 0; i < soft_.size(); ++i)
+      if (is_known(i)) {
+        weight[i] = 1.0F;
+        soft_[i] = us_.brightness[i];
       }
-      soft_[at(beam, s)] = weight > 0.0 ? static_cast<float>(sum / weight) : 0.0F;
-    }
+    const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
+    soft_ = sums(soft_);
+    weight = sums(weight);
+    for (std::size_t i = 0; i < soft_.size(); ++i)
+      if (is_known(i)) soft_[i] /= weight[i];
   }
 
   /// Per sample over the beams that know it; not a number where none does.
@@ -130,9 +133,10 @@ class Exclusion {
     wall_.assign(static_cast<std::size_t>(beams_), samples_);
     if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
       return;
+    const double grey = wall_grey();
     std::vector<int> found(wall_.size());
-    parallel_for(beams_,
-                 [&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam); });
+    parallel_for(
+        beams_, [&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
     parallel_for(beams_, [&](int beam) {
       wall_[static_cast<std::size_t>(beam)] = median_around(found, beam);
     });
@@ -144,25 +148,23 @@ class Exclusion {
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
 
-  int bright_echo(int beam) const {
-    const int last_third = samples_ * 2 / 3;
-    double count = 0.0;
-    double sum = 0.0;
-    double squares = 0.0;
-    for (int s = 0; s < last_third; ++s) {
-      if (!is_known(at(beam, s)) || axial_.depth_mm(s) < result_.min_depth_mm) continue;
-      const double value = soft_[at(beam, s)];
-      count += 1.0;
-      sum += value;
-      squares += value * value;
-    }
-    if (count < 2.0) return samples_;
-    const double mean = sum / count;
-    const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
-    const double threshold =
-        std::max({mean + kRobustDeviations * deviation, kWallRise * mean, options_.visible_grey});
-    for (int s = last_third; s < samples_; ++s)
-      if (is_known(at(beam, s)) && soft_[at(beam, s)] > threshold)
+  /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
+  /// that decile is already the wall's.
+  double wall_grey() const {
+    std::vector<float> values;
+    for (int beam = 0; beam < beams_; ++beam)
+      for (int s = 0; s < samples_ * 2 / 3; ++s)
+        if (is_known(at(beam, s)) && axial_.depth_mm(s) >= result_.min_depth_mm)
+          values.push_back(soft_[at(beam, s)]);
+    if (values.empty()) return std::numeric_limits<double>::infinity();
+    const auto decile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
+    std::nth_element(values.begin(), decile, values.end());
+    return std::max(std::min(kWallRise * *decile, kSurelyWallGrey), options_.visible_grey);
+  }
+
+  int bright_echo(int beam, double wall_grey) const {
+    for (int s = samples_ / 2; s < samples_; ++s)
+      if (is_known(at(beam, s)) && soft_[at(beam, s)] > wall_grey)
         return std::max(
             0, s - static_cast<int>(options_.depth.far_wall_margin_mm / axial_.spacing_mm));
     return samples_;
@@ -188,33 +190,51 @@ class Exclusion {
            usual[static_cast<std::size_t>(sample)] >= options_.visible_grey;
   }
 
+  /// A constant line, or one that is dark in every quarter of what is judged of it: behind a rib
+  /// the first quarter still shows tissue.
   bool lacks_contact(int beam, const std::vector<double>& usual) const {
     float low = std::numeric_limits<float>::max();
     float high = std::numeric_limits<float>::lowest();
-    double sum = 0.0;
-    double usual_sum = 0.0;
+    std::vector<int> judged;
     for (int s = 0; s < samples_; ++s) {
       if (!is_known(at(beam, s))) continue;
       low = std::min(low, us_.brightness[at(beam, s)]);
       high = std::max(high, us_.brightness[at(beam, s)]);
-      if (!is_judged(beam, s, usual)) continue;
-      sum += soft_[at(beam, s)];
-      usual_sum += usual[static_cast<std::size_t>(s)];
+      if (is_judged(beam, s, usual)) judged.push_back(s);
     }
-    return high - low <= kConstantGrey || sum < options_.no_contact_share * usual_sum;
+    if (high - low <= kConstantGrey) return true;
+    if (judged.size() < kParts) return false;
+    for (std::size_t part = 0; part < kParts; ++part) {
+      double sum = 0.0;
+      double usual_sum = 0.0;
+      for (std::size_t i = part * judged.size() / kParts; i < (part + 1) * judged.size() / kParts;
+           ++i) {
+        sum += soft_[at(beam, judged[i])];
+        usual_sum += usual[static_cast<std::size_t>(judged[i])];
+      }
+      if (sum >= options_.no_contact_share * usual_sum) return false;
+    }
+    return true;
   }
 
-  /// The first sample of the dark end of a line; `samples_` if there is none.
+  /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
+  /// there is none.
   int shadow_start(int beam, const std::vector<double>& usual) const {
     int start = samples_;
+    int shadow = 0;
     int judged = 0;
+    int dark = 0;
     for (int s = samples_ - 1; s >= 0; --s) {
       if (!is_judged(beam, s, usual)) continue;
-      if (soft_[at(beam, s)] >= options_.shadow_share * usual[static_cast<std::size_t>(s)]) break;
-      start = s;
       ++judged;
+      if (soft_[at(beam, s)] >= options_.shadow_share * usual[static_cast<std::size_t>(s)])
+        continue;
+      ++dark;
+      if (dark < kDarkShare * judged) continue;
+      start = s;
+      shadow = judged;
     }
-    return judged * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
+    return shadow * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
   }
 
   void mark(int beam, const std::vector<double>& usual) {
@@ -240,7 +260,7 @@ class Exclusion {
   AxialSampling axial_;
   int samples_;
   int beams_;
-  std::vector<float> soft_;  // brightness, smoothed along the line
+  std::vector<float> soft_;  // brightness with the speckle averaged
   std::vector<int> wall_;
 };
 
