@@ -1,0 +1,208 @@
+#include "us_ct_registration/simulation/conditioning.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel.h"
+#include "simulation/exclusion.h"
+#include "simulation/gaussian_sums.h"
+#include "simulation/require.h"
+
+namespace usct {
+namespace {
+
+/// Deviation over mean below which what counts is constant but for rounding.
+constexpr double kConstantShare = 1e-7;
+
+/// Mean and standard deviation of what counts.
+struct Statistics {
+  double mean = 0.0;
+  double deviation = 0.0;
+};
+
+Statistics statistics(const std::vector<float>& values, const std::vector<std::uint8_t>& reasons) {
+  double count = 0.0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (reasons[i] == 0) {
+      count += 1.0;
+      sum += values[i];
+    }
+  if (count == 0.0) return {};
+  const double mean = sum / count;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (reasons[i] == 0) squares += (values[i] - mean) * (values[i] - mean);
+  return {mean, std::sqrt(squares / count)};
+}
+
+/// `values` becomes function(value, i) where samples count, 0 elsewhere.
+template <typename Function>
+std::vector<float> where_counting(const ConditionedUltrasound& us, const std::vector<float>& values,
+                                  const Function& function) {
+  std::vector<float> result(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (us.reasons[i] == 0) result[i] = function(values[i], i);
+  return result;
+}
+
+std::vector<float> local_mean(const GaussianSums& sums, const ConditionedUltrasound& us,
+                              const std::vector<float>& values, const std::vector<float>& weight) {
+  return where_counting(us, sums(values),
+                        [&](float sum, std::size_t i) { return sum / weight[i]; });
+}
+
+std::vector<float> counting_mask(const ConditionedUltrasound& us) {
+  return where_counting(us, us.samples, [](float, std::size_t) { return 1.0F; });
+}
+
+void smooth(const BeamGrid& beams, double sigma_mm, ConditionedUltrasound& us) {
+  if (sigma_mm == 0.0) return;
+  const GaussianSums sums(beams, sigma_mm);
+  us.samples = local_mean(sums, us, us.samples, sums(counting_mask(us)));
+}
+
+void normalise(const BeamGrid& beams, const ConditioningOptions& options,
+               ConditionedUltrasound& us) {
+  const GaussianSums sums(beams, options.window_mm);
+  const std::vector<float> weight = sums(counting_mask(us));
+  const std::vector<float> mean = local_mean(sums, us, us.samples, weight);
+  if (options.normalisation == Normalisation::kFlatten) {
+    us.samples =
+        where_counting(us, us.samples, [&](float value, std::size_t i) { return value - mean[i]; });
+    return;
+  }
+  const std::vector<float> squares =
+      where_counting(us, us.samples, [](float value, std::size_t) { return value * value; });
+  const std::vector<float> mean_square = local_mean(sums, us, squares, weight);
+  const auto least = static_cast<float>(options.least_deviation * options.least_deviation);
+  us.samples = where_counting(us, us.samples, [&](float value, std::size_t i) {
+    const float variance = std::max(0.0F, mean_square[i] - mean[i] * mean[i]);
+    return (value - mean[i]) / std::sqrt(variance + least);
+  });
+}
+
+}  // namespace
+
+std::string to_string(ExclusionReason reason) {
+  switch (reason) {
+    case kUnknown:
+      return "unknown";
+    case kOutsideDepth:
+      return "outside the depths of interest";
+    case kFarWall:
+      return "far wall";
+    case kNoContact:
+      return "no contact";
+    case kSaturated:
+      return "saturated";
+    case kShadow:
+      return "shadow";
+    case kConstant:
+      return "constant";
+  }
+  return "unnamed";
+}
+
+std::size_t ConditionedUltrasound::counting() const {
+  return static_cast<std::size_t>(
+      std::count(reasons.begin(), reasons.end(), static_cast<std::uint8_t>(0)));
+}
+
+void BeamUltrasound::validate(const std::string& source) const {
+  const std::size_t count = beams.beams.size() * static_cast<std::size_t>(beams.samples());
+  require(count > 0, source, "samples", static_cast<double>(count), "> 0");
+  require(is_positive(beams.axial.spacing_mm), source, "spacing_mm", beams.axial.spacing_mm,
+          "finite and > 0");
+  require(brightness.size() == count, source, "brightness", static_cast<double>(brightness.size()),
+          "one value per sample of the beam grid");
+  require(known.empty() || known.size() == count, source, "known",
+          static_cast<double>(known.size()), "empty or one value per sample of the beam grid");
+  for (std::size_t i = 0; i < count; ++i)
+    if (known.empty() || known[i] != 0)
+      require(std::isfinite(brightness[i]), source, "brightness", brightness[i], "finite");
+}
+
+BeamUltrasound along_beams(const PreScanVolume& volume) {
+  volume.validate("pre-scan volume");
+  return {beam_grid(volume.geometry), {volume.voxels.begin(), volume.voxels.end()}, {}};
+}
+
+BeamUltrasound along_beams(const UsVolume& volume, const MaskVolume& mask, BeamAxis axis) {
+  volume.grid.validate("ultrasound");
+  if (!mask.voxels.empty() && !same_grid(mask.grid, volume.grid))
+    throw InputError("mask", "has another grid than the ultrasound, must have the same");
+  BeamUltrasound result;
+  result.beams = parallel_beam_grid(volume.grid, axis);
+  const int line_axis = axis.axis == 0 ? 1 : 0;
+  const int frame_axis = axis.axis == 2 ? 1 : 2;
+  const int samples = result.beams.samples();
+  for (int f = 0; f < result.beams.frames; ++f)
+    for (int l = 0; l < result.beams.lines; ++l)
+      for (int s = 0; s < samples; ++s) {
+        Eigen::Vector3i index;
+        index[axis.axis] = axis.positive ? s : samples - 1 - s;
+        index[line_axis] = l;
+        index[frame_axis] = f;
+        const std::size_t offset = volume.grid.offset(index.x(), index.y(), index.z());
+        result.brightness.push_back(volume.voxels[offset]);
+        if (!mask.voxels.empty()) result.known.push_back(mask.voxels[offset]);
+      }
+  return result;
+}
+
+void ConditioningOptions::validate(const std::string& source) const {
+  const auto not_negative = [&](const char* field, double value) {
+    require(std::isfinite(value) && value >= 0.0, source, field, value, "finite and >= 0");
+  };
+  const auto share = [&](const char* field, double value) {
+    require(value >= 0.0 && value < 1.0, source, field, value, "within [0, 1)");
+  };
+  not_negative("smoothing_mm", smoothing_mm);
+  require(is_positive(window_mm), source, "window_mm", window_mm, "finite and > 0");
+  require(is_positive(least_deviation), source, "least_deviation", least_deviation,
+          "finite and > 0");
+  if (depth.min_mm) not_negative("depth.min_mm", *depth.min_mm);
+  if (depth.max_mm) not_negative("depth.max_mm", *depth.max_mm);
+  if (depth.min_mm && depth.max_mm)
+    require(*depth.min_mm < *depth.max_mm, source, "depth.min_mm", *depth.min_mm, "< depth.max_mm");
+  not_negative("depth.near_field_mm", depth.near_field_mm);
+  not_negative("depth.near_field_limit_mm", depth.near_field_limit_mm);
+  require(depth.far_wall_share > 0.0, source, "depth.far_wall_share", depth.far_wall_share, "> 0");
+  not_negative("depth.far_wall_margin_mm", depth.far_wall_margin_mm);
+  require(saturated_grey > 0.0, source, "saturated_grey", saturated_grey, "> 0");
+  share("no_contact_share", no_contact_share);
+  share("shadow_share", shadow_share);
+  not_negative("visible_grey", visible_grey);
+  not_negative("min_shadow_mm", min_shadow_mm);
+}
+
+ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
+                                const ConditioningOptions& options, const Progress& progress) {
+  const auto report = [&](double fraction) {
+    if (progress) progress(fraction);
+  };
+  ultrasound.validate();
+  options.validate();
+  ConditionedUltrasound result;
+  result.lines = ultrasound.beams.lines;
+  result.frames = ultrasound.beams.frames;
+  exclude(ultrasound, options, result);
+  report(0.2);
+  result.samples = ultrasound.brightness;
+  const bool in_deviations = options.normalisation != Normalisation::kNone;
+  const Statistics all = statistics(result.samples, result.reasons);
+  if (all.deviation <= kConstantShare * std::abs(all.mean))
+    for (std::uint8_t& reasons : result.reasons)
+      if (reasons == 0) reasons = kConstant;
+  result.samples = where_counting(result, result.samples, [&](float value, std::size_t) {
+    return in_deviations ? static_cast<float>((value - all.mean) / all.deviation) : value;
+  });
+  smooth(ultrasound.beams, options.smoothing_mm, result);
+  report(0.4);
+  if (in_deviations) normalise(ultrasound.beams, options, result);
+  report(1.0);
+  return result;
+}
+
+}  // namespace usct

@@ -1,0 +1,274 @@
+#include "simulation/exclusion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "parallel.h"
+#include "simulation/gaussian_sums.h"
+#include "simulation/require.h"
+
+namespace usct {
+namespace {
+
+constexpr double kSpeckleSigmaMm = 1.5;
+constexpr double kRobustDeviations = 3.0;
+constexpr double kMadToDeviation = 1.4826;
+constexpr double kNearFieldChange = 0.2;
+constexpr double kWallRise = 1.5;
+constexpr double kSurelyWallGrey = 180.0;
+constexpr double kDarkShare = 0.9;
+constexpr int kWallNeighbours = 4;  // to either side, lines and frames
+constexpr float kConstantGrey = 1.0F;
+constexpr std::size_t kParts = 4;
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+class Exclusion {
+ public:
+  Exclusion(const BeamUltrasound& ultrasound, const ConditioningOptions& options,
+            ConditionedUltrasound& result)
+      : us_(ultrasound),
+        options_(options),
+        result_(result),
+        axial_(ultrasound.beams.axial),
+        samples_(ultrasound.beams.samples()),
+        beams_(static_cast<int>(ultrasound.beams.beams.size())),
+        soft_(ultrasound.brightness.size()) {}
+
+  void run() {
+    result_.reasons.assign(us_.brightness.size(), 0);
+    smooth();
+    find_depths();
+    find_far_wall();
+    const std::vector<double> usual = usual_grey();
+    parallel_for(beams_, [&](int beam) { mark(beam, usual); });
+  }
+
+ private:
+  std::size_t at(int beam, int sample) const {
+    return static_cast<std::size_t>(beam) * static_cast<std::size_t>(samples_) +
+           static_cast<std::size_t>(sample);
+  }
+  bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
+
+  /// Speckle averaged, over what is known.
+  void smooth() {
+    std::vector<float> weight(soft_.size());
+    for (std::size_t i = 0; i < soft_.size(); ++i)
+      if (is_known(i)) {
+        weight[i] = 1.0F;
+        soft_[i] = us_.brightness[i];
+      }
+    const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
+    soft_ = sums(soft_);
+    weight = sums(weight);
+    for (std::size_t i = 0; i < soft_.size(); ++i)
+      if (is_known(i)) soft_[i] /= weight[i];
+  }
+
+  /// Per sample over the beams that know it; not a number where none does.
+  template <typename Statistic>
+  std::vector<double> over_beams(const Statistic& statistic) const {
+    std::vector<double> result(static_cast<std::size_t>(samples_));
+    parallel_for(samples_, [&](int s) {
+      std::vector<double> values;
+      for (int beam = 0; beam < beams_; ++beam)
+        if (is_known(at(beam, s))) values.push_back(soft_[at(beam, s)]);
+      result[static_cast<std::size_t>(s)] =
+          values.empty() ? std::numeric_limits<double>::quiet_NaN() : statistic(values);
+    });
+    return result;
+  }
+
+  /// What is usual at a depth.
+  std::vector<double> usual_grey() const {
+    return over_beams([](const std::vector<double>& values) { return median(values); });
+  }
+
+  void find_depths() {
+    const DepthOptions& depth = options_.depth;
+    const double first_mm = axial_.depth_mm(0);
+    const double last_mm = axial_.depth_mm(samples_ - 1);
+    result_.min_depth_mm = depth.min_mm.value_or(depth.automatic ? near_field_end_mm() : first_mm);
+    result_.max_depth_mm = depth.max_mm.value_or(last_mm);
+    if (std::max(result_.min_depth_mm, first_mm) > std::min(result_.max_depth_mm, last_mm))
+      throw InputError("depth range", std::to_string(result_.min_depth_mm) + " to " +
+                                          std::to_string(result_.max_depth_mm) +
+                                          " mm holds no sample, must meet the lines' " +
+                                          std::to_string(first_mm) + " to " +
+                                          std::to_string(last_mm) + " mm");
+  }
+
+  double near_field_end_mm() const {
+    const std::vector<double> profile = over_beams([](const std::vector<double>& values) {
+      double sum = 0.0;
+      for (const double value : values) sum += value;
+      return sum / static_cast<double>(values.size());
+    });
+    std::vector<double> inner;
+    for (int s = samples_ / 4; s <= samples_ * 3 / 4; ++s)
+      if (std::isfinite(profile[static_cast<std::size_t>(s)]))
+        inner.push_back(profile[static_cast<std::size_t>(s)]);
+    const double third_mm = axial_.depth_mm(samples_ / 3);
+    double end_mm = std::min(options_.depth.near_field_mm, third_mm);
+    if (inner.empty()) return end_mm;
+    const double level = median(inner);
+    for (double& value : inner) value = std::abs(value - level);
+    const double tolerance = std::max(kRobustDeviations * kMadToDeviation * median(inner),
+                                      kNearFieldChange * std::abs(level));
+    const double limit_mm = std::min(options_.depth.near_field_limit_mm, third_mm);
+    for (int s = 0; s < samples_ && axial_.depth_mm(s) <= limit_mm; ++s)
+      if (std::abs(profile[static_cast<std::size_t>(s)] - level) > tolerance)
+        end_mm = std::max(end_mm, axial_.depth_mm(s + 1));
+    return end_mm;
+  }
+
+  /// First sample at or beyond the wall per beam; `samples_` where there is none.
+  void find_far_wall() {
+    wall_.assign(static_cast<std::size_t>(beams_), samples_);
+    if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
+      return;
+    const double grey = wall_grey();
+    std::vector<int> found(wall_.size());
+    parallel_for(
+        beams_, [&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
+    parallel_for(beams_, [&](int beam) {
+      wall_[static_cast<std::size_t>(beam)] = median_around(found, beam);
+    });
+    const auto with_wall = static_cast<double>(
+        std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
+    result_.far_wall_share = with_wall / beams_;
+    if (result_.far_wall_share >= options_.depth.far_wall_share) return;
+    result_.far_wall_share = 0.0;
+    std::fill(wall_.begin(), wall_.end(), samples_);
+  }
+
+  /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
+  /// that decile is already the wall's.
+  double wall_grey() const {
+    std::vector<float> values;
+    for (int beam = 0; beam < beams_; ++beam)
+      for (int s = 0; s < samples_ * 2 / 3; ++s)
+        if (is_known(at(beam, s)) && axial_.depth_mm(s) >= result_.min_depth_mm)
+          values.push_back(soft_[at(beam, s)]);
+    if (values.empty()) return std::numeric_limits<double>::infinity();
+    const auto decile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
+    std::nth_element(values.begin(), decile, values.end());
+    return std::max(std::min(kWallRise * *decile, kSurelyWallGrey), options_.visible_grey);
+  }
+
+  int bright_echo(int beam, double wall_grey) const {
+    for (int s = samples_ / 2; s < samples_; ++s)
+      if (is_known(at(beam, s)) && soft_[at(beam, s)] > wall_grey)
+        return std::max(
+            0, s - static_cast<int>(options_.depth.far_wall_margin_mm / axial_.spacing_mm));
+    return samples_;
+  }
+
+  int median_around(const std::vector<int>& found, int beam) const {
+    const int lines = us_.beams.lines;
+    const int line = beam % lines;
+    const int frame = beam / lines;
+    std::vector<double> values;
+    for (int f = std::max(0, frame - kWallNeighbours);
+         f <= std::min(us_.beams.frames - 1, frame + kWallNeighbours); ++f)
+      for (int l = std::max(0, line - kWallNeighbours);
+           l <= std::min(lines - 1, line + kWallNeighbours); ++l)
+        values.push_back(found[static_cast<std::size_t>(f * lines + l)]);
+    return static_cast<int>(median(std::move(values)));
+  }
+
+  bool is_judged(int beam, int sample, const std::vector<double>& usual) const {
+    const double depth_mm = axial_.depth_mm(sample);
+    return is_known(at(beam, sample)) && depth_mm >= result_.min_depth_mm &&
+           depth_mm <= result_.max_depth_mm && sample < wall_[static_cast<std::size_t>(beam)] &&
+           usual[static_cast<std::size_t>(sample)] >= options_.visible_grey;
+  }
+
+  /// A constant line, or one that is dark in every quarter of what is judged of it: behind a rib
+  /// the first quarter still shows tissue.
+  bool lacks_contact(int beam, const std::vector<double>& usual) const {
+    float low = std::numeric_limits<float>::max();
+    float high = std::numeric_limits<float>::lowest();
+    std::vector<int> judged;
+    for (int s = 0; s < samples_; ++s) {
+      if (!is_known(at(beam, s))) continue;
+      low = std::min(low, us_.brightness[at(beam, s)]);
+      high = std::max(high, us_.brightness[at(beam, s)]);
+      if (is_judged(beam, s, usual)) judged.push_back(s);
+    }
+    if (high - low <= kConstantGrey) return true;
+    if (judged.size() < kParts) return false;
+    for (std::size_t part = 0; part < kParts; ++part) {
+      double sum = 0.0;
+      double usual_sum = 0.0;
+      for (std::size_t i = part * judged.size() / kParts; i < (part + 1) * judged.size() / kParts;
+           ++i) {
+        sum += soft_[at(beam, judged[i])];
+        usual_sum += usual[static_cast<std::size_t>(judged[i])];
+      }
+      if (sum >= options_.no_contact_share * usual_sum) return false;
+    }
+    return true;
+  }
+
+  /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
+  /// there is none.
+  int shadow_start(int beam, const std::vector<double>& usual) const {
+    int start = samples_;
+    int shadow = 0;
+    int judged = 0;
+    int dark = 0;
+    for (int s = samples_ - 1; s >= 0; --s) {
+      if (!is_judged(beam, s, usual)) continue;
+      ++judged;
+      if (soft_[at(beam, s)] >= options_.shadow_share * usual[static_cast<std::size_t>(s)])
+        continue;
+      ++dark;
+      if (dark < kDarkShare * judged) continue;
+      start = s;
+      shadow = judged;
+    }
+    return shadow * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
+  }
+
+  void mark(int beam, const std::vector<double>& usual) {
+    const bool no_contact = lacks_contact(beam, usual);
+    const int shadow = no_contact ? samples_ : shadow_start(beam, usual);
+    for (int s = 0; s < samples_; ++s) {
+      int reasons = 0;
+      const double depth_mm = axial_.depth_mm(s);
+      if (!is_known(at(beam, s))) reasons |= kUnknown;
+      if (depth_mm < result_.min_depth_mm || depth_mm > result_.max_depth_mm)
+        reasons |= kOutsideDepth;
+      if (s >= wall_[static_cast<std::size_t>(beam)]) reasons |= kFarWall;
+      if (no_contact) reasons |= kNoContact;
+      if (us_.brightness[at(beam, s)] >= options_.saturated_grey) reasons |= kSaturated;
+      if (s >= shadow) reasons |= kShadow;
+      result_.reasons[at(beam, s)] = static_cast<std::uint8_t>(reasons);
+    }
+  }
+
+  const BeamUltrasound& us_;
+  const ConditioningOptions& options_;
+  ConditionedUltrasound& result_;
+  AxialSampling axial_;
+  int samples_;
+  int beams_;
+  std::vector<float> soft_;  // brightness with the speckle averaged
+  std::vector<int> wall_;
+};
+
+}  // namespace
+
+void exclude(const BeamUltrasound& ultrasound, const ConditioningOptions& options,
+             ConditionedUltrasound& result) {
+  Exclusion(ultrasound, options, result).run();
+}
+
+}  // namespace usct

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cmath>
+#include <sstream>
+#include <string>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+
+/// Throws InputError unless `holds`; `constraint` reads "> 0", "within [0, 1]", ...
+inline void require(bool holds, const std::string& source, const std::string& field, double value,
+                    const std::string& constraint) {
+  if (holds) return;
+  std::ostringstream text;
+  text << "'" << field << "' is " << value << ", must be " << constraint;
+  throw InputError(source, text.str());
+}
+
+inline bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
+
+}  // namespace usct
