@@ -194,6 +194,36 @@ TEST(Sweep, TrueMotorAnglesPlaceABallAndRecordedOnesMisplaceIt) {
   EXPECT_NEAR(recorded_deg * 0.611 / 0.731, -16.0, 0.2);
 }
 
+TEST(Sweep, AContinuousSweepShowsABallWhereItsGeometrySays) {
+  SweepOptions sweep = small_sweep();
+  sweep.lateral_fov_deg = 40.0;
+  sweep.frames = 25;
+  sweep.elevation_fov_deg = 24.0;
+  sweep.frame_travel_deg = 2.0;  // two frames' steps
+  // Near an edge of the fan, where the motor has moved on by almost half of the travel.
+  const Ball ball{{17.0, 38.0, 9.0}, 0.5, Tissue::kSteel};
+  Scene scene = simple_scene([](const Eigen::Vector3d&) { return Tissue::kAgar; }, {ball});
+  scene.tissues[Tissue::kAgar].echogenicity_db = -300.0;
+  const Echoes e = scan(scene, sweep, 60.0, ideal_scanner());
+  double weight = 0.0;
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+  for (int f = 0; f < sweep.frames; ++f)
+    for (int l = 0; l < sweep.lines; ++l)
+      for (int s = 0; s < sweep.samples; ++s) {
+        const double energy = std::pow(e.at(s, l, f), 2);
+        weight += energy;
+        moment += energy * Eigen::Vector3d(s, l, f);
+      }
+  moment /= weight;
+  const double radius_mm = std::get<CurvilinearArray>(e.geometry.array).probe_radius_mm;
+  const ScanIndex expected =
+      MotorisedInverse(e.geometry)
+          .scan_from_us(ball.centre_ct_mm + Eigen::Vector3d(0.0, radius_mm, 0.0));
+  EXPECT_NEAR(moment.x(), expected.sample, 3.0);  // half a ball nearer, samples of 0.3 mm
+  EXPECT_NEAR(moment.y(), expected.line, 0.3);
+  EXPECT_NEAR(moment.z(), expected.frame, 0.15);
+}
+
 TEST(Sweep, LagMakesFramesShowAnEarlierPlace) {
   SweepOptions sweep = small_sweep();
   sweep.kind = SweepKind::kTrackedLinear;
