@@ -35,10 +35,11 @@ case $variant in
     ctest --test-dir "$source_dir/build" --output-on-failure --no-tests=error -R '^test_(geometry|volume)$'
     cmake --build "$source_dir/build" --target install
     use_from "$work/prefix" ;;
-  # Debug compiles fastest, and is built nowhere else.
+  # Debug compiles fastest, and is built nowhere else. catkin_make by itself stops at a load of as many
+  # as there are cores, which a busy machine always has.
   catkin_make)
     copy_sources
-    (cd "$work/ws" && catkin_make --use-ninja -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF install)
+    (cd "$work/ws" && catkin_make --use-ninja -j"$(nproc)" -l99 -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF install)
     use_from "$work/ws/install" ;;
   catkin_build)
     copy_sources
