@@ -1,8 +1,5 @@
-// A CT from a folder of DICOM slices, as hospitals hand it out: 512 x 512 x 100, 16 bit.
-// items_per_second counts voxels; peak_MiB is the largest resident size of the process, the files
-// in `voxels_MiB` being what the volume itself takes.
-#include <benchmark/benchmark.h>
-#include <sys/resource.h>
+// A CT from a folder of DICOM slices, as hospitals hand it out: 512 x 512 x 100, 16 bit, of which
+// the voxels alone take 50 MiB.
 #include <unistd.h>
 
 #include <cstdlib>
@@ -11,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "finish.h"
 #include "us_ct_registration/io/dicom.h"
 #include "us_ct_registration/io/volume_io.h"
 
@@ -20,7 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr int kSide = 512;
 constexpr int kSlices = 100;
-constexpr double kMiB = 1024.0 * 1024.0;
 
 void append_element(std::string& out, unsigned group, unsigned element, const char* vr,
                     std::string value) {
@@ -92,25 +89,17 @@ const fs::path& series_folder() {
   return series.folder();
 }
 
-void report(benchmark::State& state) {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * kSide * kSide * kSlices);
-  state.counters["voxels_MiB"] = 2.0 * kSide * kSide * kSlices / kMiB;
-  state.counters["peak_MiB"] = static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
 void BM_DicomSeries(benchmark::State& state) {
   const fs::path& folder = series_folder();
   for (auto _ : state) benchmark::DoNotOptimize(usct::read_dicom_ct(folder));
-  report(state);
+  usct::finish(state, std::int64_t{kSide} * kSide * kSlices);
 }
 BENCHMARK(BM_DicomSeries)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 void BM_DicomHeadersOnly(benchmark::State& state) {
   const fs::path& folder = series_folder();
   for (auto _ : state) benchmark::DoNotOptimize(usct::find_dicom_series(folder));
-  report(state);
+  usct::finish(state, kSlices);
 }
 BENCHMARK(BM_DicomHeadersOnly)->Unit(benchmark::kMillisecond)->UseRealTime();
 
@@ -119,7 +108,7 @@ void BM_VolumeFile(benchmark::State& state, const char* extension) {
   usct::write_volume(usct::read_dicom_ct(series_folder()).volume, path);
   for (auto _ : state) benchmark::DoNotOptimize(usct::read_volume<std::int16_t>(path));
   fs::remove(path);
-  report(state);
+  usct::finish(state, std::int64_t{kSide} * kSide * kSlices);
 }
 BENCHMARK_CAPTURE(BM_VolumeFile, nrrd, ".nrrd")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_VolumeFile, nifti_gz, ".nii.gz")->Unit(benchmark::kMillisecond)->UseRealTime();

@@ -1,12 +1,7 @@
-#include <benchmark/benchmark.h>
-#include <omp.h>
-#include <sys/resource.h>
-
+#include "finish.h"
 #include "us_ct_registration/geometry/compounding.h"
 #include "us_ct_registration/geometry/scan_conversion.h"
 
-/// Items are voxels of the result (samples along the beams for inverse scan conversion);
-/// `peak_MiB` is the peak memory of the whole process so far.
 namespace usct {
 namespace {
 
@@ -34,22 +29,13 @@ TrackedSweep tracked_sweep(int frames) {
   return sweep;
 }
 
-void finish(benchmark::State& state, std::size_t items) {
-  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) *
-                          static_cast<std::int64_t>(items));
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  state.counters["peak_MiB"] = static_cast<double>(usage.ru_maxrss) / 1024.0;
-  state.counters["threads"] = omp_get_max_threads();
-}
-
 /// Argument: grid spacing in hundredths of a millimetre.
 void scan_convert_motorised(benchmark::State& state) {
   const PreScanVolume prescan = motorised_sweep();
   const Grid grid = fan_grid(prescan.geometry, 0.01 * static_cast<double>(state.range(0)));
   for (auto _ : state)
     benchmark::DoNotOptimize(scan_convert(prescan, grid, Interpolation::kTrilinear));
-  finish(state, grid.voxel_count());
+  finish(state, static_cast<std::int64_t>(grid.voxel_count()));
 }
 BENCHMARK(scan_convert_motorised)->Arg(100)->Arg(50)->Unit(benchmark::kMillisecond)->UseRealTime();
 
@@ -61,7 +47,7 @@ void scan_convert_oblique(benchmark::State& state) {
   grid.origin_mm += centre - grid.centre_mm();
   for (auto _ : state)
     benchmark::DoNotOptimize(scan_convert(prescan, grid, Interpolation::kTrilinear));
-  finish(state, grid.voxel_count());
+  finish(state, static_cast<std::int64_t>(grid.voxel_count()));
 }
 BENCHMARK(scan_convert_oblique)->Unit(benchmark::kMillisecond)->UseRealTime();
 
@@ -79,7 +65,7 @@ void inverse_scan_convert(benchmark::State& state) {
     benchmark::DoNotOptimize(sample_along_beams(ct, beams, Eigen::Isometry3d::Identity(),
                                                 Interpolation::kTrilinear,
                                                 Outside::constant(0.0F)));
-  finish(state, prescan.voxels.size());
+  finish(state, static_cast<std::int64_t>(prescan.voxels.size()));
 }
 BENCHMARK(inverse_scan_convert)->Unit(benchmark::kMillisecond)->UseRealTime();
 
@@ -91,7 +77,7 @@ void compound_tracked_fan(benchmark::State& state) {
   CompoundOptions options;
   options.hole_fill_radius_mm = static_cast<double>(state.range(0));
   for (auto _ : state) benchmark::DoNotOptimize(compound(prescan, grid, options));
-  finish(state, grid.voxel_count());
+  finish(state, static_cast<std::int64_t>(grid.voxel_count()));
 }
 BENCHMARK(compound_tracked_fan)->Arg(0)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 
@@ -108,7 +94,7 @@ void compound_images(benchmark::State& state) {
   images.pixels.assign(739U * 593U * 140U, 100);
   const Grid grid = image_grid(images, 0.5);
   for (auto _ : state) benchmark::DoNotOptimize(compound(images, grid, {}));
-  finish(state, grid.voxel_count());
+  finish(state, static_cast<std::int64_t>(grid.voxel_count()));
 }
 BENCHMARK(compound_images)->Unit(benchmark::kMillisecond)->UseRealTime();
 

@@ -1,5 +1,4 @@
-#include <benchmark/benchmark.h>
-
+#include "finish.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct {
@@ -19,7 +18,7 @@ CtVolume diagnostic_ct() {
 Region kidney_region() { return {{150, 150, 80}, {214, 214, 150}}; }
 
 void count_voxels(benchmark::State& state, const Region& region) {
-  state.SetItemsProcessed(state.iterations() * region.size.cast<std::int64_t>().prod());
+  finish(state, region.size.cast<std::int64_t>().prod());
 }
 
 void pyramid_whole(benchmark::State& state) {

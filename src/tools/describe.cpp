@@ -87,6 +87,16 @@ Json describe_volume(const std::filesystem::path& path) {
   return json;
 }
 
+/// A series without problems is read, so that its range is known and damage to its pixels shows.
+void describe_series_voxels(const std::filesystem::path& path, const DicomSeries& series,
+                            Json& json) {
+  DicomReadOptions options;
+  options.series_uid = series.series_uid;
+  const LoadedCt ct = read_dicom_ct(path, options);
+  json["warnings"] = ct.warnings;
+  describe_range(ct.volume.voxels, json);
+}
+
 Json describe_series(const std::filesystem::path& path) {
   Json json;
   json["series"] = Json::array();
@@ -103,6 +113,7 @@ Json describe_series(const std::filesystem::path& path) {
       entry["frame_of_reference_uid"] = series.frame_of_reference_uid;
       entry["transfer_syntax_uid"] = series.transfer_syntax_uid;
       entry["problems"] = series.problems;
+      if (series.problems.empty()) describe_series_voxels(path, series, entry);
     }
     json["series"].push_back(entry);
   }
@@ -182,6 +193,13 @@ Json describe_prescan(const std::filesystem::path& path) {
   return json;
 }
 
+std::vector<std::int16_t> int16_values(const std::vector<std::uint8_t>& little_endian) {
+  std::vector<std::int16_t> values(little_endian.size() / 2);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = static_cast<std::int16_t>(little_endian[2 * i] | little_endian[2 * i + 1] << 8);
+  return values;
+}
+
 Json describe_sequence(const std::filesystem::path& path) {
   const IgsioSequence sequence = read_igsio(path);
   Json json;
@@ -203,7 +221,10 @@ Json describe_sequence(const std::filesystem::path& path) {
   json["warnings"] = Json::array();
   if (invalid_images > 0)
     json["warnings"].push_back(std::to_string(invalid_images) + " images are not marked OK");
-  if (sequence.element == IgsioElement::kUint8) describe_range(sequence.data, json);
+  if (sequence.element == IgsioElement::kUint8)
+    describe_range(sequence.data, json);
+  else
+    describe_range(int16_values(sequence.data), json);
   return json;
 }
 

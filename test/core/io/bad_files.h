@@ -1,20 +1,18 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <initializer_list>
 #include <iterator>
 #include <string>
 #include <vector>
 
+#include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
-#include "us_ct_registration/error.h"
 
 namespace usct::test {
 
@@ -41,20 +39,6 @@ inline std::filesystem::path spit(const std::filesystem::path& path, const std::
 inline void append_int32(FileBytes& bytes, std::int32_t value) {
   for (int shift = 0; shift < 32; shift += 8)
     bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint32_t>(value) >> shift));
-}
-
-/// `action` throws InputError whose message has every fragment: what a user needs to find the
-/// fault.
-inline void expect_input_error(const std::function<void()>& action,
-                               std::initializer_list<std::string> fragments) {
-  try {
-    action();
-    ADD_FAILURE() << "was accepted, should be refused with: " << *fragments.begin();
-  } catch (const InputError& error) {
-    for (const std::string& fragment : fragments)
-      EXPECT_NE(std::string(error.what()).find(fragment), std::string::npos)
-          << "message: " << error.what() << "\nlacks: " << fragment;
-  }
 }
 
 /// What every reader must refuse in words, given a good file: no file, a folder, an empty file, a

@@ -10,6 +10,7 @@
 
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
 #include "us_ct_registration/io/dicom.h"
@@ -20,17 +21,10 @@ namespace {
 namespace fs = std::filesystem;
 using test::DicomSlice;
 using test::expect_input_error;
+using test::read_text;
 using test::short_bytes;
 using test::TemporaryFolder;
-
-std::string get(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void put(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
+using test::write_text;
 
 /// Three slices, of which one will be spoilt.
 class DicomBadInput : public testing::Test {
@@ -113,9 +107,9 @@ TEST_F(DicomBadInput, NamesTheAttributeTheValueAndTheConstraint) {
 }
 
 TEST_F(DicomBadInput, EveryTruncationIsRefused) {
-  const std::string whole = get(spoilt());
+  const std::string whole = read_text(spoilt());
   for (std::size_t bytes = 0; bytes < whole.size(); bytes += 3) {
-    put(spoilt(), whole.substr(0, bytes));
+    write_text(spoilt(), whole.substr(0, bytes));
     EXPECT_THROW(read_dicom_ct(folder_.path()), InputError) << "cut to " << bytes;
   }
 }
@@ -124,9 +118,9 @@ TEST_F(DicomBadInput, EveryTruncationOfAnEnhancedImageIsRefused) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "e.dcm";
   test::write_enhanced_dicom(path, slices_);
-  const std::string whole = get(path);
+  const std::string whole = read_text(path);
   for (std::size_t bytes = 0; bytes < whole.size(); bytes += 11) {
-    put(path, whole.substr(0, bytes));
+    write_text(path, whole.substr(0, bytes));
     EXPECT_THROW(read_dicom_ct(folder.path()), InputError) << "cut to " << bytes;
   }
 }
@@ -139,11 +133,11 @@ TEST_F(DicomBadInput, EveryTruncationOfCompressedPixelsIsRefused) {
     if (std::system((std::string(command) + " '" + spoilt().string() + "' '" + compressed.string() +
                      "' 2>/dev/null")
                         .c_str()) != 0)
-      GTEST_SKIP() << command << " is not installed";
+      FAIL() << command << " failed; dcmtk and GDCM's tools are needed by the tests";
     fs::rename(compressed, spoilt());
-    const std::string whole = get(spoilt());
+    const std::string whole = read_text(spoilt());
     for (std::size_t bytes = 700; bytes < whole.size(); bytes += 5) {
-      put(spoilt(), whole.substr(0, bytes));
+      write_text(spoilt(), whole.substr(0, bytes));
       EXPECT_THROW(read_dicom_ct(folder_.path()), InputError) << "cut to " << bytes;
     }
   }
@@ -154,14 +148,14 @@ TEST_F(DicomBadInput, DamagedBytesNeverDoWorseThanAnInputError) {
   const TemporaryFolder enhanced;
   test::write_enhanced_dicom(enhanced.path() / "e.dcm", slices_);
   for (const fs::path& path : {spoilt(), enhanced.path() / "e.dcm"}) {
-    const std::string whole = get(path);
+    const std::string whole = read_text(path);
     std::mt19937 random(23);
     int refused = 0;
     for (int round = 0; round < 600; ++round) {
       std::string damaged = whole;
       for (int flips = 0; flips < 1 + round % 3; ++flips)
         damaged[132 + random() % (damaged.size() - 500)] = static_cast<char>(random());
-      put(path, damaged);
+      write_text(path, damaged);
       try {
         read_dicom_ct(path.parent_path()).volume.grid.validate("read");
       } catch (const InputError&) {
@@ -179,29 +173,29 @@ TEST_F(DicomBadInput, CompressedStreamOfAnotherSizeIsRefused) {
   const fs::path compressed = folder_.path() / "slice_1.dcm.new";
   if (std::system(("dcmcjpls '" + spoilt().string() + "' '" + compressed.string() + "'").c_str()) !=
       0)
-    GTEST_SKIP() << "dcmcjpls is not installed";
+    FAIL() << "dcmcjpls failed; dcmtk is needed by the tests";
   fs::rename(compressed, spoilt());
-  std::string bytes = get(spoilt());
+  std::string bytes = read_text(spoilt());
   const std::string rows("\x28\x00\x10\x00US\x02\x00", 8);
   bytes[bytes.find(rows) + rows.size()] = 12;
-  put(spoilt(), bytes);
+  write_text(spoilt(), bytes);
   expect_refused({"16 x 13", "16 x 12"});
 }
 
 TEST_F(DicomBadInput, CompressionThatIsNotKnownIsNamed) {
-  std::string bytes = get(spoilt());
+  std::string bytes = read_text(spoilt());
   const std::string syntax = "1.2.840.10008.1.2.1";
   std::string other = bytes;
-  put(spoilt(), other.replace(bytes.find(syntax), syntax.size(), "1.2.840.10008.1.2.9"));
+  write_text(spoilt(), other.replace(bytes.find(syntax), syntax.size(), "1.2.840.10008.1.2.9"));
   expect_refused({"1.2.840.10008.1.2.9"});
 }
 
 TEST_F(DicomBadInput, FilesThatAreNotDicomDespiteTheirName) {
-  put(spoilt(), "");
+  write_text(spoilt(), "");
   expect_refused({});
-  put(spoilt(), std::string(4000, 'x'));
+  write_text(spoilt(), std::string(4000, 'x'));
   expect_refused({});
-  put(spoilt(), std::string(128, '\0') + "DICM");
+  write_text(spoilt(), std::string(128, '\0') + "DICM");
   expect_refused({});
   fs::remove(spoilt());
   fs::create_directory(spoilt());  // a folder of that name holds nothing, so a slice is missing
@@ -213,7 +207,7 @@ TEST_F(DicomBadInput, PathsWithoutACt) {
   const fs::path path = empty.path();
   expect_input_error([&] { read_ct(path / "missing"); }, {"missing", "does not exist"});
   expect_input_error([&] { read_ct(path); }, {path.string(), "no DICOM files (0 others)"});
-  put(path / "notes.txt", "CT of last week");
+  write_text(path / "notes.txt", "CT of last week");
   expect_input_error([&] { read_ct(path); }, {path.string(), "no DICOM files (1 others)"});
   expect_input_error([&] { read_ct(path / "notes.txt"); }, {"notes.txt", "not a DICOM file"});
   DicomSlice mr;

@@ -7,6 +7,7 @@
 
 #include "core/io/example_volumes.h"
 #include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
 #include "core/io/itk_oracle.h"
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
@@ -18,16 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::expect_input_error;
+using test::read_text;
 using test::TemporaryFolder;
-
-std::string get(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void put(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
+using test::write_text;
 
 /// What NIfTI's 32-bit numbers allow is looser.
 double tolerance_mm(const std::string& extension) {
@@ -134,23 +128,23 @@ TEST_P(VolumeFormats, TruncatedAnywhereIsRefused) {
   write_volume(test::sampled(test::example_grids().back().grid), path_);
   const fs::path cut_file =
       extension_ == ".mhd" ? fs::path(path_).replace_extension(".raw") : path_;
-  const std::string whole = get(cut_file);
+  const std::string whole = read_text(cut_file);
   for (std::size_t bytes = 0; bytes < whole.size(); ++bytes) {
-    put(cut_file, whole.substr(0, bytes));
+    write_text(cut_file, whole.substr(0, bytes));
     EXPECT_THROW(read_volume<std::int16_t>(path_), InputError) << "cut to " << bytes;
   }
 }
 
 TEST_P(VolumeFormats, DamagedBytesNeverDoWorseThanAnInputError) {
   write_volume(test::sampled(test::example_grids().back().grid), path_);
-  const std::string whole = get(path_);
+  const std::string whole = read_text(path_);
   std::mt19937 random(17);
   int refused = 0;
   for (int round = 0; round < 1000; ++round) {
     std::string damaged = whole;
     for (int flips = 0; flips < 1 + round % 4; ++flips)
       damaged[random() % damaged.size()] = static_cast<char>(random());
-    put(path_, damaged);
+    write_text(path_, damaged);
     try {
       const CtVolume volume = read_volume<std::int16_t>(path_);
       volume.grid.validate("read");
@@ -164,13 +158,13 @@ TEST_P(VolumeFormats, DamagedBytesNeverDoWorseThanAnInputError) {
 TEST_P(CompressedVolumeFormats, DamagedDataAreRefusedOrHarmless) {
   const CtVolume written = test::sampled(test::example_grids()[0].grid);
   test::write_by_itk(itk_image(written), path_, true);
-  const std::string whole = get(path_);
+  const std::string whole = read_text(path_);
   int refused = 0;
   for (std::size_t from_end = 1; from_end <= 120; ++from_end) {  // within the compressed stream
     std::string damaged = whole;
     char& byte = damaged[damaged.size() - from_end];
     byte = static_cast<char>(byte ^ 0x10);
-    put(path_, damaged);
+    write_text(path_, damaged);
     try {
       EXPECT_EQ(read_volume<std::int16_t>(path_).voxels, written.voxels) << from_end;
     } catch (const InputError&) {
@@ -184,10 +178,10 @@ TEST_P(VolumeFormats, RefuseWhatIsNotAFileThatCanBeRead) {
   const auto read = [&] { read_volume<std::int16_t>(path_); };
   const std::string name = path_.string();
   expect_input_error(read, {name, "does not exist"});
-  put(path_, "");
+  write_text(path_, "");
   expect_input_error(read, {name, "is empty"});
-  put(path_,
-      "GIF89a, to be sure, and a little longer than the shortest header: " + std::string(400, 'x'));
+  write_text(path_, "GIF89a, to be sure, and a little longer than the shortest header: " +
+                        std::string(400, 'x'));
   expect_input_error(read, {name});
   fs::remove(path_);
   fs::create_directory(path_);
@@ -219,7 +213,7 @@ INSTANTIATE_TEST_SUITE_P(All, CompressedVolumeFormats, testing::Values(".nrrd", 
 TEST(VolumeIo, UnknownExtensionIsRefused) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "ct.tiff";
-  put(path, "x");
+  write_text(path, "x");
   expect_input_error([&] { read_volume<float>(path); }, {path.string(), ".tiff", ".nrrd"});
   expect_input_error([&] { write_volume(Volume<float>(test::example_grids()[0].grid), path); },
                      {path.string(), ".tiff"});
@@ -242,11 +236,11 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 
 void expect_refused(const fs::path& path, const std::string& header, const std::string& voxels,
                     const std::vector<BadHeader>& cases) {
-  put(path, header + voxels);
+  write_text(path, header + voxels);
   read_volume<std::int16_t>(path);  // does not throw
   for (const BadHeader& bad : cases) {
     SCOPED_TRACE(bad.from + " -> " + bad.to);
-    put(path, replaced(header, bad.from, bad.to) + voxels);
+    write_text(path, replaced(header, bad.from, bad.to) + voxels);
     std::vector<std::string> named = bad.named;
     named.push_back(path.string());
     expect_input_error([&] { read_volume<std::int16_t>(path); }, named);
@@ -264,7 +258,7 @@ const std::vector<std::int16_t> kVoxels{1, -2, 3, 4, 5, 256};
 TEST(Nrrd, RasAndBigEndianAsTheFormatDefinesThem) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.nrrd";
-  put(path, kNrrd + kBigEndianVoxels);
+  write_text(path, kNrrd + kBigEndianVoxels);
   const CtVolume volume = read_volume<std::int16_t>(path);
   EXPECT_EQ(volume.voxels, kVoxels);
   // Right becomes minus left, anterior minus posterior.
@@ -278,9 +272,10 @@ TEST(Nrrd, RasAndBigEndianAsTheFormatDefinesThem) {
 TEST(Nrrd, DetachedDataWithBytesBefore) {
   const TemporaryFolder folder;
   const fs::path header = folder.path() / "a.nhdr";
-  put(folder.path() / "a.bin", "123" + kBigEndianVoxels);
+  write_text(folder.path() / "a.bin", "123" + kBigEndianVoxels);
   for (const char* skip : {"byte skip: 3\n", "byte skip: -1\n"}) {
-    put(header, replaced(kNrrd, "encoding", std::string("data file: a.bin\n") + skip + "encoding"));
+    write_text(header,
+               replaced(kNrrd, "encoding", std::string("data file: a.bin\n") + skip + "encoding"));
     EXPECT_EQ(read_volume<std::int16_t>(header).voxels, kVoxels);
   }
   fs::remove(folder.path() / "a.bin");
@@ -327,7 +322,7 @@ const std::string kMeta =
 TEST(MetaImage, MatrixHoldsOneDirectionAfterTheOther) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.mha";
-  put(path, kMeta + kBigEndianVoxels);
+  write_text(path, kMeta + kBigEndianVoxels);
   const CtVolume volume = read_volume<std::int16_t>(path);
   EXPECT_EQ(volume.voxels, kVoxels);
   EXPECT_EQ(volume.grid.physical_from_index({1, 0, 0}), Eigen::Vector3d(10, 22, 30));
@@ -410,7 +405,7 @@ class NiftiFile {
 class Nifti : public testing::Test {
  protected:
   CtVolume read(const NiftiFile& file) {
-    ::usct::put(path_, file.with_voxels());
+    write_text(path_, file.with_voxels());
     return read_volume<std::int16_t>(path_);
   }
   void expect_refused(const NiftiFile& file, std::vector<std::string> named) {
@@ -467,7 +462,7 @@ TEST_F(Nifti, UnitsOfLength) {
 
 TEST_F(Nifti, ScaledValues) {
   NiftiFile file = NiftiFile().put(112, 0.5F).put(116, -1024.0F);
-  ::usct::put(path_, file.with_voxels());
+  write_text(path_, file.with_voxels());
   EXPECT_EQ(read_volume<float>(path_).voxels,
             (std::vector<float>{-1023.5F, -1025.0F, -1022.5F, -1022.0F, -1021.5F, -896.0F}));
   EXPECT_EQ(read_volume<std::int16_t>(path_).voxels.back(), -896);
@@ -514,7 +509,7 @@ TEST_F(Nifti, BigEndianHeaderAndVoxels) {
     file.put(i, value);
   }
   file.put(254, std::int16_t{2});
-  ::usct::put(path_, file.bytes_ + kBigEndianVoxels);
+  write_text(path_, file.bytes_ + kBigEndianVoxels);
   const CtVolume volume = read_volume<std::int16_t>(path_);
   EXPECT_EQ(volume.voxels, kVoxels);
   EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(-9, -22, 33));

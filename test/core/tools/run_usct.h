@@ -2,11 +2,10 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 #include <vector>
 
+#include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
 
 namespace usct::test {
@@ -16,13 +15,6 @@ struct Outcome {
   std::string output;
   std::string errors;
 };
-
-inline std::string read_text(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
 
 /// Runs the real `usct` as a user would, through a shell.
 inline Outcome run_usct(const std::vector<std::string>& arguments) {

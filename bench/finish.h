@@ -1,0 +1,21 @@
+#pragma once
+
+#include <benchmark/benchmark.h>
+#include <omp.h>
+#include <sys/resource.h>
+
+#include <cstdint>
+
+namespace usct {
+
+/// What every benchmark reports at its end: `items` per iteration (voxels of the result, if the
+/// benchmark does not say otherwise), the peak memory of the whole process so far, and threads.
+inline void finish(benchmark::State& state, std::int64_t items) {
+  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * items);
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  state.counters["peak_MiB"] = static_cast<double>(usage.ru_maxrss) / 1024.0;
+  state.counters["threads"] = omp_get_max_threads();
+}
+
+}  // namespace usct
