@@ -5,7 +5,9 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/tools/run_usct.h"
+#include "test_data.h"
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/io/igsio.h"
 #include "us_ct_registration/io/points_io.h"
 #include "us_ct_registration/io/prescan_nrrd.h"
 #include "us_ct_registration/io/result_io.h"
@@ -86,6 +88,41 @@ TEST_F(Cli, InfoOfAnAcquisitionIsWhatWasWritten) {
   EXPECT_NEAR(json["line_angles_deg"][0].get<double>(), -28.2, 1e-9);
   EXPECT_NEAR(json["frame_angles_deg_steps"][1].get<double>(), 1.4634, 1e-9);
   EXPECT_TRUE(json["warnings"].empty()) << json["warnings"];
+}
+
+TEST_F(Cli, InfoOfASixteenBitSequenceHasItsRange) {
+  IgsioSequence sequence;
+  sequence.width = 2;
+  sequence.height = 2;
+  sequence.element = IgsioElement::kInt16;
+  sequence.orientation = "FM";
+  sequence.image_type = "RF_REAL";
+  sequence.frames.resize(1);
+  for (const int value : {-300, 5, 1000, 0}) {
+    const auto bits = static_cast<std::uint16_t>(value);
+    sequence.data.push_back(static_cast<std::uint8_t>(bits & 0xff));
+    sequence.data.push_back(static_cast<std::uint8_t>(bits >> 8));
+  }
+  write_igsio(sequence, path("rf.igs.mha"), false);
+  const auto json = nlohmann::json::parse(run({"info", "--json", path("rf.igs.mha")}));
+  EXPECT_EQ(json["range"], (nlohmann::json{-300, 1000}));
+}
+
+TEST_F(Cli, InfoOfADicomSeriesHasARangeOnlyIfItCanBeReadAsAVolume) {
+  const auto regular = data_root() / "totalseg_ct" / "example_ct_dicom";
+  const auto tilted = data_root() / "dicom_gantry_tilt";
+  USCT_REQUIRE_DATA(regular);
+  USCT_REQUIRE_DATA(tilted);
+  const auto series_of = [&](const std::filesystem::path& folder) {
+    return nlohmann::json::parse(run({"info", "--json", folder.string()}))["series"][0];
+  };
+  const auto good = series_of(regular);
+  EXPECT_TRUE(good["problems"].empty());
+  EXPECT_EQ(good["range"][0], -1024);  // air, as scanners store it
+  EXPECT_GT(good["range"][1], 700);    // cortical bone
+  const auto bad = series_of(tilted);
+  EXPECT_EQ(bad["problems"].size(), 2U);
+  EXPECT_FALSE(bad.contains("range"));
 }
 
 TEST_F(Cli, InfoWarnsOfRepeatedFramesAndSaturation) {
