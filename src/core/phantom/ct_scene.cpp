@@ -250,9 +250,10 @@ class CtAnatomy : public Anatomy {
         surface_mm_.emplace_back(kidney_centre_mm_ + kTargetRadiusMm * direction);
         continue;
       }
-      for (double t = 100.0; t > 0.0; t -= 0.25)
-        if (labelled_.front().at(kidney_centre_mm_ + t * direction) < 0.0F) {
-          surface_mm_.emplace_back(kidney_centre_mm_ + (t + 0.125) * direction);
+      constexpr double kStepMm = 0.25;
+      for (int step = 400; step > 0; --step)  // inwards from 100 mm
+        if (labelled_.front().at(kidney_centre_mm_ + step * kStepMm * direction) < 0.0F) {
+          surface_mm_.emplace_back(kidney_centre_mm_ + (step + 0.5) * kStepMm * direction);
           break;
         }
     }
@@ -320,11 +321,12 @@ std::pair<int, int> angles_deg(Approach approach) {
 /// Angles run from lateral (0) to posterior (90) and anterior (-90).
 View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, Sequence& random) {
   // The near side: where the skin is closer, left or right.
-  const Vector3d centre = anatomy.kidney_centre_mm();
+  const Vector3d& centre = anatomy.kidney_centre_mm();
   double side = 1.0;
-  for (double t = 0.0; t < 400.0; t += 1.0) {
-    const bool left = anatomy.depth_outside_mm(centre + t * Vector3d::UnitX()) > 0.0F;
-    const bool right = anatomy.depth_outside_mm(centre - t * Vector3d::UnitX()) > 0.0F;
+  for (int step_mm = 0; step_mm < 400; ++step_mm) {
+    const Vector3d aside_mm = step_mm * Vector3d::UnitX();
+    const bool left = anatomy.depth_outside_mm(centre + aside_mm) > 0.0F;
+    const bool right = anatomy.depth_outside_mm(centre - aside_mm) > 0.0F;
     if (!left && !right) continue;
     side = left ? 1.0 : -1.0;
     break;
