@@ -90,7 +90,8 @@ struct FrameSynthesis::Signal {
         re(static_cast<std::size_t>(lines) * static_cast<std::size_t>(stride), 0.0F),
         im(re) {}
   std::size_t start(int line, int sample) const {
-    return static_cast<std::size_t>(line * stride + pad + sample);
+    return static_cast<std::size_t>(line) * static_cast<std::size_t>(stride) +
+           static_cast<std::size_t>(pad + sample);
   }
   int samples, pad, stride;
   std::vector<float> re, im;
@@ -126,7 +127,8 @@ FrameSynthesis::FrameSynthesis(const ScattererField& field, const BeamProfile& p
   taps_ = 2 * std::max(1, static_cast<int>(std::ceil(static_cast<double>(kReach) * sigma)));
   for (int f = 0; f < kFractions; ++f)
     for (int t = 0; t < taps_; ++t) {
-      const double offset = t - (taps_ / 2 - 1) - (f + 0.5) / kFractions;
+      const int whole = t - (taps_ / 2 - 1);
+      const double offset = whole - (f + 0.5) / kFractions;
       tap_table_.push_back(static_cast<float>(std::exp(-0.5 * offset * offset / (sigma * sigma))));
     }
 }
@@ -196,7 +198,7 @@ void FrameSynthesis::add_echo(const Place& place, const BeamWidth& width, const 
     // A sample just below 0 has a fraction that rounds to 1.
     const int fraction = std::min(
         kFractions - 1, static_cast<int>((sample - static_cast<float>(whole)) * kFractions));
-    const float* taps = &tap_table_[static_cast<std::size_t>(fraction * taps_)];
+    const float* taps = tap_table_.data() + fraction * taps_;
     float* to_re = &signal.re[signal.start(l, i)];
     float* to_im = &signal.im[signal.start(l, i)];
     for (int t = 0; t < taps_; ++t) {
@@ -323,7 +325,8 @@ std::vector<std::complex<float>> FrameSynthesis::echoes(int frame,
       add_surface(s, T_frame_probe, transmission, signal);
   }
   std::vector<std::complex<float>> result;
-  result.reserve(static_cast<std::size_t>(geometry_.lines() * geometry_.samples()));
+  result.reserve(static_cast<std::size_t>(geometry_.lines()) *
+                 static_cast<std::size_t>(geometry_.samples()));
   for (int l = 0; l < geometry_.lines(); ++l)
     for (int i = 0; i < geometry_.samples(); ++i)
       result.emplace_back(signal.re[signal.start(l, i)], signal.im[signal.start(l, i)]);

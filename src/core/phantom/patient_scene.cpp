@@ -66,7 +66,7 @@ class PatientAnatomy : public Anatomy {
 
   /// Layers and fibres of the wall follow the skin: (along the skin, depth, z).
   Vector3d texture_point_mm(const Vector3d& p_ct_mm, Tissue tissue) const override {
-    const Vector3d p = torso_from_ct(p_ct_mm);
+    Vector3d p = torso_from_ct(p_ct_mm);
     const double depth = depth_below_skin(p);
     if (depth > 45.0 && tissue != Tissue::kMuscle) return p;
     return {130.0 * std::atan2(p.y(), p.x()), depth, p.z()};
@@ -237,9 +237,11 @@ class PatientAnatomy : public Anatomy {
     for (const Rib& rib : {Rib{48.0, 58.0, 30.0}, Rib{84.0, 88.0, 52.0}, Rib{120.0, 125.0, 72.0}}) {
       std::vector<Vector3d> points = {{22.0, 62.0, rib.z_mm + shift},
                                       {38.0, 74.0, rib.z_mm + shift}};
-      for (double t = 0.3; t <= 1.0; t += 0.14)
+      for (int i = 0; i <= 5; ++i) {
+        const double t = 0.3 + 0.14 * i;
         points.push_back(wall_point(18.0 + t * (rib.end_deg - 18.0),
                                     rib.z_mm + shift - rib.drop_mm * t * t, inner));
+      }
       bones_.add_curve(points, 5.0, 4.2, Tissue::kCorticalBone);
     }
     for (int level = -4; level <= 4; ++level) {
@@ -274,10 +276,13 @@ class PatientAnatomy : public Anatomy {
 
   void place_bowel(Sequence& random) {
     // The colon, in sacculations, lateral and in front of the kidney.
-    for (double z = -130.0; z < 60.0; z += random.between(24.0, 32.0))
+    double z = -130.0;
+    while (z < 60.0) {
       bowel_.push_back({{random.between(86.0, 98.0), random.between(-36.0, -26.0), z},
                         {20.0, random.between(20.0, 25.0), 18.0},
                         random.between(-0.9, 0.6)});
+      z += random.between(24.0, 32.0);
+    }
     for (int i = 0; i < 30; ++i)
       bowel_.push_back(
           {{random.between(-90.0, 85.0), random.between(-75.0, -22.0),
