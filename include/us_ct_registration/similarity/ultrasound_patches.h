@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/simulation/conditioning.h"
+
+namespace usct {
+
+/// How ultrasound is cut into patches, each of which is explained by weights of its own.
+struct PatchOptions {
+  /// Edges, mm, along the beams, across lines and across frames; judged in the middle of the
+  /// depths, since beams diverge. Infinite: one patch along that axis.
+  double depth_mm = 4.0;
+  double lateral_mm = 4.0;
+  double elevation_mm = 4.0;
+  /// A patch counts if at least this share of it does; (0, 1].
+  double least_share = 0.5;
+
+  /// One patch: a global similarity.
+  static PatchOptions whole() {
+    const double infinite = std::numeric_limits<double>::infinity();
+    return {infinite, infinite, infinite, 1e-6};
+  }
+  /// Throws InputError, naming `source`, the field, its value and the constraint.
+  void validate(const std::string& source = "patch options") const;
+};
+
+/// The samples of ultrasound that count, patch by patch, ready for kernels.
+struct UltrasoundPatches {
+  /// Each patch begins at a multiple of this many samples; what is left over is filled with samples
+  /// at `kNowhere` whose value is 0.
+  static constexpr std::size_t kAlignment = 16;
+  static constexpr float kNowhere = 1e30F;
+
+  struct Patch {
+    std::size_t begin = 0;
+    std::size_t count = 0;    // samples that count
+    double mean = 0.0;        // of the ultrasound in it
+    double square_sum = 0.0;  // of the ultrasound minus its mean
+    std::size_t padded() const { return (count + kAlignment - 1) / kAlignment * kAlignment; }
+  };
+
+  /// Per sample: position in the US frame, mm, and ultrasound minus the mean of its patch.
+  std::vector<float> x_mm, y_mm, z_mm, value;
+  /// Per sample: unit direction of its beam in the US frame, and its depth, mm. At a depth error of
+  /// e the sample lies at depth / (1 + e).
+  std::vector<float> direction_x, direction_y, direction_z, depth_mm;
+  /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
+  std::vector<float> sweep_x, sweep_y, sweep_z;
+  std::vector<Patch> patches;
+  /// Samples that count, in all patches.
+  std::size_t count = 0;
+};
+
+/// Cuts what is known of the ultrasound into patches; those whose ultrasound is constant are left
+/// out. Throws InputError for invalid ultrasound or options.
+UltrasoundPatches cut_into_patches(const BeamUltrasound& ultrasound, const PatchOptions& options);
+
+}  // namespace usct
