@@ -35,6 +35,8 @@ def arguments():
     parser.add_argument("--usct", help="program; the build's if not given")
     parser.add_argument("--threads", type=int, default=2, help="of both")
     parser.add_argument("--spacing-mm", type=float, default=1.0, help="of elastix' ultrasound")
+    parser.add_argument("--pyramid", choices=["mm", "voxels"], default="mm",
+                        help="unit of elastix' levels 8-4-2-1")
     parser.add_argument("--window-hu", type=int, nargs=2, default=[-150, 250], help="elastix' CT")
     parser.add_argument("--success-mm", type=float, default=5.0, help="mean TRE of a success")
     parser.add_argument("--output", type=pathlib.Path, required=True,

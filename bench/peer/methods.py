@@ -17,7 +17,7 @@ import geometry
 HERE = pathlib.Path(__file__).resolve().parent
 ULTRASOUND = {"raw": [], "flattened": ["--normalise", "flattened"],
               "z-score": ["--normalise", "z-score"]}
-PYRAMID_MM = (8, 4, 2, 1)
+PYRAMID = (8, 4, 2, 1)
 REFUSED = 3  # exit status of `usct register`
 NO_OVERLAP = "Too many samples map outside moving image buffer"  # elastix' one refusal
 
@@ -82,11 +82,10 @@ def spacing_mm(path):
             for axis in re.findall(r"\(([^)]*)\)", axes)]
 
 
-def pyramid(image, path):
-    """Schedule in whole voxels. By elastix's default they would differ in mm with the CT's voxels:
-    24 mm at the start with 3 mm voxels, which loses even the truth."""
-    factors = [max(1, round(level / spacing))
-               for level in PYRAMID_MM for spacing in spacing_mm(path)]
+def pyramid(image, path, unit):
+    """Schedule in whole voxels, of levels in "mm" or "voxels"."""
+    voxel = spacing_mm(path) if unit == "mm" else (1.0, 1.0, 1.0)
+    factors = [max(1, round(level / size)) for level in PYRAMID for size in voxel]
     return f"({image}ImagePyramidSchedule {' '.join(map(str, factors))})\n"
 
 
@@ -112,8 +111,9 @@ class Elastix:
         began = time.perf_counter()
         clamp_ct(ct, ct, *self.options.window_hu)
         (folder / "elastix.txt").write_text(
-            (HERE / "elastix.txt").read_text() + pyramid("Fixed", folder / "us.nrrd")
-            + pyramid("Moving", ct))
+            (HERE / "elastix.txt").read_text()
+            + pyramid("Fixed", folder / "us.nrrd", self.options.pyramid)
+            + pyramid("Moving", ct, self.options.pyramid))
         return {"ultrasound": seconds, "ct": time.perf_counter() - began}
 
     def register(self, start_ct_us):

@@ -117,11 +117,13 @@ class Volumes(WithFolder):
         self.assertEqual(path.read_bytes(),
                          self.HEADER + np.array([-150, -150, 40, 250], "<i2").tobytes())
 
-    def test_the_pyramid_is_in_voxels_of_the_image(self):
+    def test_the_pyramid_is_the_same_in_mm_or_in_voxels(self):
         path = self.folder / "ct.nrrd"
         path.write_bytes(self.HEADER)
-        self.assertEqual(methods.pyramid("Moving", path),
+        self.assertEqual(methods.pyramid("Moving", path, "mm"),
                          "(MovingImagePyramidSchedule 16 4 3 8 2 1 4 1 1 2 1 1)\n")
+        self.assertEqual(methods.pyramid("Fixed", path, "voxels"),
+                         "(FixedImagePyramidSchedule 8 8 8 4 4 4 2 2 2 1 1 1)\n")
 
 
 class Tables(unittest.TestCase):
