@@ -1,6 +1,8 @@
 #include "convert_ultrasound.h"
 
 #include <cmath>
+#include <limits>
+#include <map>
 
 #include "inputs.h"
 #include "progress_bar.h"
@@ -102,6 +104,25 @@ void write_beams(const PreScanVolume& volume, const std::string& output) {
   }
 }
 
+/// All that is known counts: of a Cartesian volume, neither depths nor shadows are told well.
+Volume<float> normalised(const ScanConverted& converted, const UltrasoundConversion& conversion,
+                         bool quiet) {
+  ConditioningOptions options;
+  options.normalisation = conversion.normalisation;
+  options.smoothing_mm = conversion.smoothing_mm;
+  options.window_mm = conversion.window_mm;
+  options.depth.automatic = false;
+  options.saturated_grey = std::numeric_limits<double>::infinity();
+  options.no_contact_share = 0.0;
+  options.shadow_share = 0.0;
+  // Along the first index axis the samples have the order of the voxels.
+  const BeamUltrasound ultrasound =
+      along_beams(converted.volume, converted.mask, BeamAxis{0, true});
+  Volume<float> result(converted.volume.grid);
+  result.voxels = condition(ultrasound, options, progress_bar("normalisation", quiet)).samples;
+  return result;
+}
+
 }  // namespace
 
 void UltrasoundConversion::add_to(CLI::App& command) {
@@ -113,6 +134,18 @@ void UltrasoundConversion::add_to(CLI::App& command) {
   spacing->check(CLI::Range(0.05, 20.0));
   group->add_option("--mask", mask, "also write the validity mask (255 inside the scanned region)")
       ->needs(spacing);
+  CLI::Option* normalise = group->add_option(
+      "--normalise", normalisation,
+      "float volume: 'flattened', minus the local mean, in standard deviations of the whole; "
+      "'z-score', minus the local mean, over the local standard deviation");
+  normalise->needs(spacing)->transform(CLI::CheckedTransformer(std::map<std::string, Normalisation>{
+      {"flattened", Normalisation::kFlatten}, {"z-score", Normalisation::kZScore}}));
+  group->add_option("--smoothing", smoothing_mm, "Gaussian against speckle, before --normalise, mm")
+      ->needs(normalise)
+      ->capture_default_str();
+  group->add_option("--normalisation-window", window_mm, "Gaussian of the local mean, mm")
+      ->needs(normalise)
+      ->capture_default_str();
   input.add_to(command);
 }
 
@@ -123,7 +156,10 @@ void convert_ultrasound(const std::string& input, const std::string& output,
     const ScanConverted converted =
         in_space(ultrasound, conversion.scan_convert_mm, conversion.input.compounding(),
                  progress_bar("scan conversion", quiet));
-    write_volume(converted.volume, output);
+    if (conversion.normalisation == Normalisation::kNone)
+      write_volume(converted.volume, output);
+    else
+      write_volume(normalised(converted, conversion, quiet), output);
     if (!conversion.mask.empty()) write_volume(converted.mask, conversion.mask);
     return;
   }

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "ultrasound_options.h"
+#include "us_ct_registration/simulation/conditioning.h"
 
 namespace usct::tools {
 
@@ -13,6 +14,10 @@ struct UltrasoundConversion {
   double scan_convert_mm = 0.0;
   /// Where to write the validity mask of a Cartesian result; empty for nowhere.
   std::string mask;
+  /// Cartesian result as float, normalised over all that was scanned; kNone keeps brightness.
+  Normalisation normalisation = Normalisation::kNone;
+  double smoothing_mm = ConditioningOptions{}.smoothing_mm;
+  double window_mm = ConditioningOptions{}.window_mm;
 
   void add_to(CLI::App& command);
 };

@@ -168,6 +168,43 @@ TEST_F(Cli, ScanConversionAndItsInverseKeepWhatIsWhere) {
       for (int s = 2; s < 58; ++s) EXPECT_NEAR(back.at(s, l, f), original.at(s, l, f), 3);
 }
 
+TEST_F(Cli, NormalisedUltrasoundDoesNotDependOnGainOrBackground) {
+  const PreScanVolume original = smooth_acquisition();
+  PreScanVolume brighter = original;  // 20 more, and half the gain
+  for (std::uint8_t& voxel : brighter.voxels) voxel = static_cast<std::uint8_t>(voxel / 2 + 20);
+  write_prescan_nrrd(original, path("us.nrrd"));
+  write_prescan_nrrd(brighter, path("brighter.nrrd"));
+  for (const char* how : {"flattened", "z-score"}) {
+    run({"convert", path("us.nrrd"), path("a.nrrd"), "--scan-convert", "1.5", "--mask",
+         path("mask.nrrd"), "--normalise", how, "--smoothing", "0", "--quiet"});
+    run({"convert", path("brighter.nrrd"), path("b.nrrd"), "--scan-convert", "1.5", "--normalise",
+         how, "--smoothing", "0", "--quiet"});
+    const auto a = read_volume<float>(path("a.nrrd"));
+    const auto b = read_volume<float>(path("b.nrrd"));
+    const auto mask = read_volume<std::uint8_t>(path("mask.nrrd"));
+    double count = 0.0;
+    double sum = 0.0;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < a.voxels.size(); ++i) {
+      if (mask.voxels[i] == 0) {
+        ASSERT_EQ(a.voxels[i], 0.0F) << "beside the fan";
+        continue;
+      }
+      ASSERT_NEAR(a.voxels[i], b.voxels[i], 0.2) << how;
+      ++count;
+      sum += a.voxels[i];
+      squares += a.voxels[i] * a.voxels[i];
+    }
+    EXPECT_NEAR(sum / count, 0.0, 0.1) << how;
+    EXPECT_GT(squares / count, 0.01) << how;
+  }
+  expect_refused({"convert", path("us.nrrd"), path("x.nrrd"), "--normalise", "z-score"},
+                 "--scan-convert");
+  expect_refused({"convert", path("us.nrrd"), path("x.nrrd"), "--scan-convert", "1.5",
+                  "--normalise", "z-score", "--normalisation-window", "0"},
+                 "window_mm");
+}
+
 TEST_F(Cli, VolumesKeepTheirVoxelsInSpaceThroughEveryFormat) {
   Grid grid;
   grid.size = {5, 6, 7};
