@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   tools::add_calibrate_motor_command(app, run);
   tools::add_phantom_command(app, run);
   tools::add_simulate_command(app, run);
+  tools::add_evaluate_command(app, run);
   try {
     app.parse(argc, argv);
     return run();
