@@ -62,8 +62,9 @@ TEST(OtsuThreshold, PartsTwoKindsOfValues) {
   std::mt19937 generator(7);
   std::normal_distribution<float> low(40.0F, 8.0F);
   std::normal_distribution<float> high(150.0F, 12.0F);
-  std::vector<float> values;
-  for (int i = 0; i < 3000; ++i) values.push_back(i % 3 == 0 ? high(generator) : low(generator));
+  std::vector<float> values(3000);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = i % 3 == 0 ? high(generator) : low(generator);
   const Threshold two = otsu_threshold(values);
   EXPECT_GT(two.value, 70.0);
   EXPECT_LT(two.value, 115.0);
@@ -74,8 +75,8 @@ TEST(OtsuThreshold, PartsTwoKindsOfValues) {
 TEST(OtsuThreshold, SeparationOfOneKindIsTwoOverPi) {
   std::mt19937 generator(7);
   std::normal_distribution<float> one(40.0F, 8.0F);
-  std::vector<float> values;
-  for (int i = 0; i < 20000; ++i) values.push_back(one(generator));
+  std::vector<float> values(20000);
+  for (float& value : values) value = one(generator);
   EXPECT_NEAR(otsu_threshold(values).separation, 2.0 / 3.14159265, 0.01);
   EXPECT_EQ(otsu_threshold({}).separation, 0.0);
   EXPECT_EQ(otsu_threshold({5.0F, 5.0F, 5.0F}).separation, 0.0);
