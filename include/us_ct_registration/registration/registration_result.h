@@ -42,7 +42,9 @@ struct RegistrationResult {
   double similarity = std::numeric_limits<double>::quiet_NaN();
   /// Fraction of the ultrasound's samples that lie in the CT, in [0, 1]; NaN if not evaluated.
   double overlap = std::numeric_limits<double>::quiet_NaN();
-  /// Of a small motion (rotation vector in rad, translation in mm) about the best pose.
+  /// Of a small motion (w, t) that follows the best pose: `p_us -> p_us + w x p_us + t`, with w the
+  /// rotation vector in rad and t in mm. It turns about the origin of the US frame, whatever centre
+  /// the search had.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
   /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
   /// as well.

@@ -30,8 +30,9 @@ struct Picture {
   const std::uint8_t* pixel(int x, int y) const { return const_cast<Picture*>(this)->pixel(x, y); }
 };
 
-/// Writes text with its lower left corner at (x, y), in white with a black edge.
-void draw_text(Picture& picture, const std::string& text, int x, int y);
+/// Writes text with its lower left corner at (x, y), with a black edge.
+void draw_text(Picture& picture, const std::string& text, int x, int y,
+               const Picture::Colour& colour = {255, 255, 255});
 
 /// Pictures in rows and columns with a thin gap; a row is as high as its highest picture, a column
 /// as wide as its widest.

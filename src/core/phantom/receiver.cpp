@@ -46,7 +46,7 @@ std::vector<float> box_mean(const std::vector<float>& in, int lines, int samples
                             int half_samples) {
   std::vector<float> along(in.size());
   std::vector<float> out(in.size());
-  const auto slide = [](const float* from, float* to, int count, int stride, int half) {
+  const auto slide = [](const float* from, float* to, int count, std::ptrdiff_t stride, int half) {
     double sum = 0.0;
     int inside = 0;
     for (int i = 0; i < std::min(half, count); ++i) {
@@ -65,9 +65,10 @@ std::vector<float> box_mean(const std::vector<float>& in, int lines, int samples
       to[i * stride] = static_cast<float>(sum / inside);
     }
   };
-  for (int l = 0; l < lines; ++l)
-    slide(&in[static_cast<std::size_t>(l * samples)], &along[static_cast<std::size_t>(l * samples)],
-          samples, 1, half_samples);
+  for (int l = 0; l < lines; ++l) {
+    const std::size_t start = static_cast<std::size_t>(l) * static_cast<std::size_t>(samples);
+    slide(&in[start], &along[start], samples, 1, half_samples);
+  }
   for (int s = 0; s < samples; ++s)
     slide(&along[static_cast<std::size_t>(s)], &out[static_cast<std::size_t>(s)], lines, samples,
           half_lines);
@@ -146,7 +147,7 @@ void Receiver::add_haze(std::vector<std::complex<float>>& signal, int frame) con
   const std::uint64_t stream = hash(seed_, 4);
   for (int l = 0; l < lines_; ++l)
     for (int s = 0; s < samples_; ++s) {
-      const auto n = static_cast<std::size_t>(l * samples_ + s);
+      const std::size_t n = offset(l, s);
       const std::complex<float> z = std::cos(turn) * noise_at(stream, key, l, s) +
                                     std::sin(turn) * noise_at(stream, key + 1, l, s);
       signal[n] += level * std::sqrt(energy[n]) * z;
@@ -159,7 +160,7 @@ std::vector<float> Receiver::envelope(std::vector<std::complex<float>> signal, i
     const bool contact = no_contact_at_end_ ? l < lines_ - dead : l >= dead;
     const double line_gain_db = line_gain_error_db(frame, l);
     for (int s = 0; s < samples_; ++s) {
-      const auto n = static_cast<std::size_t>(l * samples_ + s);
+      const std::size_t n = offset(l, s);
       std::complex<float>& z = signal[n];
       if (!contact) {
         // Nothing but the array's own ring-down, which no tissue damps.

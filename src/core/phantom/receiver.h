@@ -25,6 +25,10 @@ class Receiver {
   double line_gain_error_db(int frame, int line) const;
   void add_haze(std::vector<std::complex<float>>& signal, int frame) const;
   int lines_without_contact(int frame) const;
+  std::size_t offset(int line, int sample) const {
+    return static_cast<std::size_t>(line) * static_cast<std::size_t>(samples_) +
+           static_cast<std::size_t>(sample);
+  }
 
   UltrasoundOptions options_;
   std::uint64_t seed_;

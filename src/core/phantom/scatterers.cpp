@@ -151,13 +151,12 @@ class ScattererMaker {
   Vector3d interface_normal(const Vector3d& p_ct_mm) const {
     const Vector3i centre = (p_ct_mm / kPitch).array().round().cast<int>();
     constexpr std::array<double, 5> kWeight = {0.135, 0.607, 1.0, 0.607, 0.135};
+    const double* middle = &kWeight[2];
     Vector3d gradient = Vector3d::Zero();
     for (int c = -2; c <= 2; ++c)
       for (int b = -2; b <= 2; ++b)
         for (int a = -2; a <= 2; ++a) {
-          const double weight = kWeight[static_cast<std::size_t>(a + 2)] *
-                                kWeight[static_cast<std::size_t>(b + 2)] *
-                                kWeight[static_cast<std::size_t>(c + 2)];
+          const double weight = middle[a] * middle[b] * middle[c];
           const Tissue t = raster_.node(centre + Vector3i(a, b, c));
           gradient += weight * gentle_impedance(tissues_[t]) * Vector3d(a, b, c);
         }

@@ -22,10 +22,12 @@ Vector3i block_of(const Vector3d& p_ct_mm) {
 /// Calls `visit(block)` for points all over the beams.
 template <typename Visit>
 void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& visit) {
-  const double last_mm = beams.axial.depth_mm(beams.samples() - 1);
+  const double length_mm = beams.axial.depth_mm(beams.samples() - 1) - beams.axial.start_depth_mm;
+  const int steps = static_cast<int>(std::ceil(length_mm / kStepMm)) + 1;
   for (int f = 0; f < beams.frames; ++f)
     for (int l = 0; l < beams.lines; l += (l + 2 < beams.lines || l + 1 == beams.lines) ? 2 : 1)
-      for (double d = beams.axial.start_depth_mm; d < last_mm + kStepMm; d += kStepMm) {
+      for (int step = 0; step < steps; ++step) {
+        const double d = beams.axial.start_depth_mm + step * kStepMm;
         const Beam& beam = beams.beam(f, l);
         visit(block_of(body.placement().ct_from_probe(beam.origin_mm + d * beam.direction)));
       }

@@ -68,16 +68,14 @@ void TubeTree::build_raster() {
     for (int k = first.z(); k <= last.z(); ++k)
       for (int j = first.y(); j <= last.y(); ++j)
         for (int i = first.x(); i <= last.x(); ++i)
-          segments_of_cell_[static_cast<std::size_t>((k * cells_.y() + j) * cells_.x() + i)]
-              .push_back(static_cast<int>(n));
+          segments_of_cell_[offset({i, j, k})].push_back(static_cast<int>(n));
   }
 }
 
 std::optional<TubeTree::Hit> TubeTree::find(const Eigen::Vector3d& p_mm) const {
   if (!box_.contains(p_mm)) return std::nullopt;
   const Eigen::Vector3i c = ((p_mm - box_.min()) / kCellMm).array().floor().cast<int>();
-  const auto& candidates = segments_of_cell_[static_cast<std::size_t>(
-      (c.z() * cells_.y() + c.y()) * cells_.x() + c.x())];
+  const auto& candidates = segments_of_cell_[offset(c)];
   std::optional<Hit> hit;
   for (const int n : candidates) {
     const Segment& s = segments_[static_cast<std::size_t>(n)];

@@ -36,6 +36,13 @@ class TubeTree {
     double radius_to_mm;
     Tissue tissue;
   };
+  std::size_t offset(const Eigen::Vector3i& cell) const {
+    return (static_cast<std::size_t>(cell.z()) * static_cast<std::size_t>(cells_.y()) +
+            static_cast<std::size_t>(cell.y())) *
+               static_cast<std::size_t>(cells_.x()) +
+           static_cast<std::size_t>(cell.x());
+  }
+
   std::vector<Segment> segments_;
   Eigen::AlignedBox3d box_;
   Eigen::Vector3i cells_ = Eigen::Vector3i::Zero();

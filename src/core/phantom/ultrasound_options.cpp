@@ -23,7 +23,8 @@ void UltrasoundOptions::validate(int lines) const {
   require_range("near_field_db", near_field_db, -120.0, 40.0);
   require_range("specular", specular, 0.0, 10.0);
   require_range("reverberation", reverberation, 0.0, 10.0);
-  require_range("no_contact_lines", no_contact_lines, 0, lines / 2);
+  const int half_the_lines = lines / 2;
+  require_range("no_contact_lines", no_contact_lines, 0, half_the_lines);
   require_range("sound_speed_error", sound_speed_error, -0.1, 0.1);
   require_range("tissue_speeds", tissue_speeds, 0.0, 1.0);
 }

@@ -26,13 +26,14 @@ cv::Mat as_mat(Picture& picture) {
 
 }  // namespace
 
-void draw_text(Picture& picture, const std::string& text, int x, int y) {
+void draw_text(Picture& picture, const std::string& text, int x, int y,
+               const Picture::Colour& colour) {
   cv::Mat mat = as_mat(picture);
-  const auto put = [&](const cv::Scalar& colour, int thickness) {
-    cv::putText(mat, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, colour, thickness, cv::LINE_AA);
+  const auto put = [&](const cv::Scalar& ink, int thickness) {
+    cv::putText(mat, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, ink, thickness, cv::LINE_AA);
   };
   put({0, 0, 0}, 3);
-  put({255, 255, 255}, 1);
+  put({double(colour[0]), double(colour[1]), double(colour[2])}, 1);
 }
 
 Picture tile(const std::vector<std::vector<Picture>>& rows) {
