@@ -348,15 +348,21 @@ class Beams {
   HWY_INLINE void fetch(int sample) const {
     HWY_ALIGN std::int32_t lower[kLinesPerBlock];
     hn::Store(cell_at(scene_, kept_within(scene_, index_of(sample))).lower, di, lower);
-    const Strides step(scene_);
     for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
-      const PackedVoxel* row = scene_.voxels + lower[lane];
-      hwy::Prefetch(row);
-      if (kNearest) continue;
-      hwy::Prefetch(row + step.y);
-      hwy::Prefetch(row + step.z);
-      hwy::Prefetch(row + step.y + step.z);
+      fetch_rows(scene_.voxels + lower[lane]);
+      if (scene_.windowed && scene_.by_threshold) fetch_rows(scene_.hu + lower[lane]);
     }
+  }
+
+  /// Of the voxels around.
+  template <typename Voxel>
+  HWY_INLINE void fetch_rows(const Voxel* row) const {
+    hwy::Prefetch(row);
+    if (kNearest) return;
+    const Strides step(scene_);
+    hwy::Prefetch(row + step.y);
+    hwy::Prefetch(row + step.z);
+    hwy::Prefetch(row + step.y + step.z);
   }
 
   HWY_INLINE void add_sample(int sample, Sums& sums) {
