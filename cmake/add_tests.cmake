@@ -16,7 +16,7 @@ function(usct_add_gtest name)
     ${ITK_INCLUDE_DIRS} ${GDCM_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
   target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
     ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
-    usct_warnings)
+    hwy::hwy usct_warnings)
   target_compile_definitions(${name} PRIVATE
     USCT_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     USCT_TOOL="$<TARGET_FILE:usct>")

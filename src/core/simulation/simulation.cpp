@@ -6,36 +6,10 @@
 
 #include "parallel.h"
 #include "simulation/require.h"
+#include "simulation/require_images.h"
 
 namespace usct {
 namespace {
-
-constexpr double kRigidTolerance = 1e-6;
-
-void require_rigid(const Eigen::Isometry3d& T) {
-  const Eigen::Matrix3d R = T.linear();
-  if (!T.matrix().allFinite() ||
-      !(R.transpose() * R).isApprox(Eigen::Matrix3d::Identity(), kRigidTolerance) ||
-      R.determinant() < 0.0)
-    throw InputError("T_ct_us", "is not a finite rotation and translation");
-}
-
-void require_beams(const BeamGrid& beams) {
-  require(beams.samples() > 0, "beam grid", "samples", beams.samples(), "> 0");
-  require(is_positive(beams.axial.spacing_mm), "beam grid", "spacing_mm", beams.axial.spacing_mm,
-          "> 0");
-  require(beams.lines > 0, "beam grid", "lines", beams.lines, "> 0");
-  require(beams.frames > 0, "beam grid", "frames", beams.frames, "> 0");
-  require(beams.beams.size() ==
-              static_cast<std::size_t>(beams.lines) * static_cast<std::size_t>(beams.frames),
-          "beam grid", "beams", static_cast<double>(beams.beams.size()), "lines x frames");
-}
-
-void require_ct(const CtVolume& ct) {
-  ct.grid.validate("CT");
-  require(ct.voxels.size() == ct.grid.voxel_count(), "CT", "voxels",
-          static_cast<double>(ct.voxels.size()), "as many as the grid has");
-}
 
 /// A sample of the CT and the points one voxel ahead and behind along each index axis, kept within
 /// the CT.

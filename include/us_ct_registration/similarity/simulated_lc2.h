@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "us_ct_registration/similarity/similarity.h"
+#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/simulation/simulation.h"
+
+namespace usct {
+
+/// The thesis' metric (eqs 4.3-4.10): LC2 of the ultrasound and its simulation from the CT, one set
+/// of weights for all samples. The value of `simulate_components` and `fit_to_ultrasound` (see
+/// there) in one pass without intermediate images, in single precision but for the sums; lines side
+/// by side in SIMD, by the widest instructions of the processor. One thread per evaluation.
+///
+/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as
+/// ConditionedUltrasound::reasons; what is not known does not count either. The value is NaN, with
+/// the overlap as it is, wherever `fit_to_ultrasound` gives no fit. Both images are copied.
+///
+/// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` is not
+/// 0, and for a transform that is not finite and rigid.
+///
+/// Throws InputError if an image or an option is invalid, an ultrasound sample that counts is not
+/// finite, or the CT has more than 2^30 voxels.
+std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
+                                                     const std::vector<std::uint8_t>& excluded,
+                                                     const CtVolume& ct,
+                                                     const SimulationOptions& simulation,
+                                                     const FitOptions& fit);
+
+}  // namespace usct

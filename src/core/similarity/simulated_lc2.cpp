@@ -1,0 +1,304 @@
+#include "us_ct_registration/similarity/simulated_lc2.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "similarity/simulated_lc2_kernel.h"
+#include "simulation/require_images.h"
+
+namespace usct {
+namespace {
+
+using simulated_lc2::Block;
+using simulated_lc2::kLinesPerBlock;
+using simulated_lc2::PackedVoxel;
+using simulated_lc2::Scene;
+using simulated_lc2::Sums;
+
+constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
+// As in fit_to_ultrasound.
+constexpr double kConstant = 1e-12;
+constexpr double kCollinear = 1e-9;
+
+/// The CT with the differences of its voxels' neighbours.
+class PackedCt {
+ public:
+  PackedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
+      : grid_(ct.grid), hu_(ct.voxels), voxels_(ct.voxels.size()) {
+    hu_.push_back(0);
+    const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
+    const CtVolume& seen = window ? limited : ct;
+    const auto [least, most] = std::minmax_element(seen.voxels.begin(), seen.voxels.end());
+    // The whole range of 16 bits apart, differences fit as they are.
+    unit_ = int{*most} - int{*least} > INT16_MAX ? 2 : 1;
+    for (int k = 0; k < grid_.size.z(); ++k)
+      for (int j = 0; j < grid_.size.y(); ++j)
+        for (int i = 0; i < grid_.size.x(); ++i)
+          voxels_[grid_.offset(i, j, k)] = packed(seen, {i, j, k});
+  }
+
+  const Grid& grid() const { return grid_; }
+  void describe(Scene& scene) const {
+    for (int axis = 0; axis < 3; ++axis) {
+      scene.size[axis] = grid_.size[axis];
+      scene.voxels_per_mm[axis] = static_cast<float>(1.0 / grid_.spacing_mm[axis]);
+    }
+    scene.voxels = voxels_.data();
+    scene.hu = hu_.data();
+    scene.difference_unit = static_cast<float>(unit_);
+  }
+
+ private:
+  PackedVoxel packed(const CtVolume& ct, const Eigen::Vector3i& index) const {
+    PackedVoxel voxel{ct.at(index.x(), index.y(), index.z()), {}};
+    for (int axis = 0; axis < 3; ++axis) {
+      Eigen::Vector3i ahead = index;
+      Eigen::Vector3i behind = index;
+      ahead[axis] = std::min(index[axis] + 1, grid_.size[axis] - 1);
+      behind[axis] = std::max(index[axis] - 1, 0);
+      const int difference = int{ct.at(ahead.x(), ahead.y(), ahead.z())} -
+                             int{ct.at(behind.x(), behind.y(), behind.z())};
+      voxel.difference[axis] = static_cast<std::int16_t>(difference / unit_);
+    }
+    return voxel;
+  }
+
+  Grid grid_;
+  std::vector<std::int16_t> hu_;
+  std::vector<PackedVoxel> voxels_;
+  int unit_ = 1;
+};
+
+/// Ultrasound in blocks of neighbouring lines, minus its mean.
+class BlockedUltrasound {
+ public:
+  BlockedUltrasound(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded)
+      : samples_(ultrasound.beams.samples()),
+        lines_(ultrasound.beams.lines),
+        blocks_((lines_ + kLinesPerBlock - 1) / kLinesPerBlock),
+        frames_(ultrasound.beams.frames) {
+    const std::size_t count = ultrasound.brightness.size();
+    require(excluded.empty() || excluded.size() == count, "excluded", "samples",
+            static_cast<double>(excluded.size()), "none or as many as the ultrasound has");
+    const auto counts = [&](std::size_t i) {
+      return (excluded.empty() || excluded[i] == 0) &&
+             (ultrasound.known.empty() || ultrasound.known[i] != 0);
+    };
+    double sum = 0.0;
+    for (std::size_t i = 0; i < count; ++i)
+      if (counts(i)) {
+        ++usable_;
+        sum += ultrasound.brightness[i];
+      }
+    mean_ = usable_ > 0 ? static_cast<float>(sum / static_cast<double>(usable_)) : 0.0F;
+    values_.assign(static_cast<std::size_t>(blocks()) * block_size(), std::nanf(""));
+    samples_used_.assign(static_cast<std::size_t>(blocks()), 0);
+    for (std::size_t i = 0; i < count; ++i)
+      if (counts(i)) put(i, ultrasound.brightness[i] - mean_);
+  }
+
+  int blocks() const { return frames_ * blocks_; }
+  int frame(int block) const { return block / blocks_; }
+  int first_line(int block) const { return block % blocks_ * kLinesPerBlock; }
+  std::size_t usable() const { return usable_; }
+  double mean() const { return mean_; }
+
+  /// Samples behind the last that counts are left out.
+  void describe(int block, Block& result) const {
+    result.ultrasound = values_.data() + static_cast<std::size_t>(block) * block_size();
+    result.samples = samples_used_[static_cast<std::size_t>(block)];
+  }
+
+ private:
+  std::size_t block_size() const {
+    return static_cast<std::size_t>(samples_) * std::size_t{kLinesPerBlock};
+  }
+  void put(std::size_t i, float value) {
+    const auto samples = static_cast<std::size_t>(samples_);
+    const auto lines = static_cast<std::size_t>(lines_);
+    constexpr std::size_t kLines = kLinesPerBlock;
+    const std::size_t sample = i % samples;
+    const std::size_t line = i / samples % lines;
+    const std::size_t frame = i / samples / lines;
+    const std::size_t block = frame * static_cast<std::size_t>(blocks_) + line / kLines;
+    values_[block * block_size() + sample * kLines + line % kLines] = value;
+    samples_used_[block] = std::max(samples_used_[block], static_cast<int>(sample) + 1);
+  }
+
+  int samples_, lines_, blocks_, frames_;
+  std::size_t usable_ = 0;
+  float mean_ = 0.0F;
+  std::vector<float> values_;
+  std::vector<int> samples_used_;  // per block
+};
+
+Scene described(const SimulationOptions& options, bool use_background) {
+  const auto mu = [&](double hu) { return std::max(hu + options.hu_shift, options.mu_floor); };
+  const IntensityMap& map = options.map;
+  const double outside_p = map.slope * mu(options.outside_hu) + map.offset;
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  Scene scene{};
+  scene.nearest = options.interpolation == Interpolation::kNearest;
+  scene.windowed = options.window.has_value();
+  scene.by_threshold = options.occlusion.by_threshold;
+  scene.on_intensity = options.log_compression == LogCompression::kIntensity;
+  scene.signed_reflection = options.signed_reflection;
+  scene.use_background = use_background;
+  scene.gas_hu = static_cast<float>(options.occlusion.gas_hu);
+  scene.bone_hu = static_cast<float>(options.occlusion.bone_hu);
+  scene.total_hu_per_mm = static_cast<float>(options.occlusion.gradient_hu_per_mm);
+  scene.hu_shift = static_cast<float>(options.hu_shift);
+  scene.mu_floor = static_cast<float>(options.mu_floor);
+  scene.outside_mu = static_cast<float>(mu(options.outside_hu));
+  scene.half_length_mm = static_cast<float>(0.5 * options.gradient_length_mm);
+  scene.log_a = static_cast<float>(options.log_a);
+  scene.reflection_scale = static_cast<float>(options.reflection_scale);
+  scene.slope = static_cast<float>(map.slope);
+  scene.outside_p = static_cast<float>(outside_p);
+  scene.least_p = map.clamp ? 0.0F : -kInfinity;
+  scene.most_p = map.clamp ? 255.0F : kInfinity;
+  scene.p_origin = std::clamp(scene.outside_p, scene.least_p, scene.most_p);
+  return scene;
+}
+
+/// Sum of (U - f)^2 where the sound arrives, f being the best combination of p, r and 1: no better
+/// than that of the varying ones among p and r, and of one of them if they are collinear. Not a
+/// number if neither varies.
+double least_residual(const Sums& sums, double p_origin) {
+  const auto n = static_cast<double>(sums.insonified);
+  const auto is_constant = [&](double deviations, double squares, double mean) {
+    return deviations <= kConstant * (squares + n * mean * mean);
+  };
+  const double uu = sums.uu - sums.u * sums.u / n;
+  const double pp = sums.pp - sums.p * sums.p / n;
+  const double rr = sums.rr - sums.r * sums.r / n;
+  const bool p_varies = !is_constant(pp, sums.pp, sums.p / n + p_origin);
+  const bool r_varies = !is_constant(rr, sums.rr, sums.r / n);
+  if (!p_varies && !r_varies) return std::numeric_limits<double>::quiet_NaN();
+  const double up = p_varies ? (sums.up - sums.u * sums.p / n) / std::sqrt(pp) : 0.0;
+  const double ur = r_varies ? (sums.ur - sums.u * sums.r / n) / std::sqrt(rr) : 0.0;
+  const double c =
+      p_varies && r_varies ? (sums.pr - sums.p * sums.r / n) / std::sqrt(pp) / std::sqrt(rr) : 0.0;
+  // By the eigenvectors of the correlation matrix of p and r.
+  double explained = 0.0;
+  if (1.0 + c > kCollinear) explained += 0.5 * (up + ur) * (up + ur) / (1.0 + c);
+  if (1.0 - c > kCollinear) explained += 0.5 * (up - ur) * (up - ur) / (1.0 - c);
+  return std::max(0.0, uu - explained);
+}
+
+/// The same with given weights.
+double residual(const SimulationWeights& weights, const Sums& sums, double u_mean,
+                double p_origin) {
+  const auto n = static_cast<double>(sums.insonified);
+  Eigen::Matrix4d moments;  // of U, p, r and 1, of which sums take differences from an origin
+  moments << sums.uu, sums.up, sums.ur, sums.u,  //
+      sums.up, sums.pp, sums.pr, sums.p,         //
+      sums.ur, sums.pr, sums.rr, sums.r,         //
+      sums.u, sums.p, sums.r, n;
+  const Eigen::Vector4d w(1.0, -weights.mapped_ct, -weights.reflection,
+                          u_mean - weights.mapped_ct * p_origin - weights.bias);
+  return w.dot(moments * w);
+}
+
+class SimulatedLc2 final : public Similarity {
+ public:
+  SimulatedLc2(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded,
+               const CtVolume& ct, const SimulationOptions& simulation, const FitOptions& fit)
+      : beams_(ultrasound.beams),
+        ultrasound_(ultrasound, excluded),
+        ct_(ct, simulation.window),
+        scene_(described(simulation, fit.use_background)),
+        transmission_length_mm_(simulation.transmission_length_mm),
+        fit_(fit) {
+    ct_.describe(scene_);
+  }
+
+  SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
+                           const AcquisitionErrors& errors) const override {
+    require_rigid(T_ct_us);
+    require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
+            errors.depth, "finite and > -1");
+    require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
+            "0: this metric does not know it");
+    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * T_ct_us;
+    Sums sums;
+    for (int block = 0; block < ultrasound_.blocks(); ++block)
+      simulated_lc2::add_block(scene_, block_at(block, T_index_us, 1.0 + errors.depth), sums);
+    return value_of(sums);
+  }
+
+ private:
+  Block block_at(int index, const Eigen::Affine3d& T_index_us, double stretch) const {
+    Block block;
+    ultrasound_.describe(index, block);
+    const double start_mm = stretch * beams_.axial.start_depth_mm;
+    const double spacing_mm = stretch * beams_.axial.spacing_mm;
+    block.per_sample_mm = static_cast<float>(1.0 / spacing_mm);
+    block.transmission_power =
+        transmission_length_mm_ ? static_cast<float>(spacing_mm / *transmission_length_mm_) : 0.0F;
+    for (int lane = 0; lane < kLinesPerBlock; ++lane) {
+      // Lanes beyond the last line hold nothing that counts.
+      const int line = std::min(ultrasound_.first_line(index) + lane, beams_.lines - 1);
+      const Beam& beam = beams_.beam(ultrasound_.frame(index), line);
+      const Eigen::Vector3d step = T_index_us.linear() * beam.direction;
+      const Eigen::Vector3d first = T_index_us * beam.origin_mm + start_mm * step;
+      for (int axis = 0; axis < 3; ++axis) {
+        block.first[axis][lane] = static_cast<float>(first[axis]);
+        block.step[axis][lane] = static_cast<float>(spacing_mm * step[axis]);
+      }
+    }
+    return block;
+  }
+
+  SimilarityValue value_of(const Sums& sums) const {
+    SimilarityValue result;
+    if (ultrasound_.usable() == 0) return result;
+    const auto in_body = static_cast<double>(sums.in_body);
+    result.overlap = in_body / static_cast<double>(ultrasound_.usable());
+    if (sums.in_body == 0 || result.overlap < fit_.min_overlap || sums.insonified == 0)
+      return result;
+    const auto n = static_cast<double>(sums.insonified + sums.occluded);
+    const double u = sums.u + sums.u_occluded;
+    const double squares = sums.uu + sums.uu_occluded;
+    const double deviations = squares - u * u / n;
+    const double mean = u / n + ultrasound_.mean();
+    if (deviations <= kConstant * (squares + n * mean * mean)) return result;
+    const double insonified = fit_.fixed_weights ? residual(*fit_.fixed_weights, sums,
+                                                            ultrasound_.mean(), scene_.p_origin)
+                                                 : least_residual(sums, scene_.p_origin);
+    const double occluded = sums.occluded > 0
+                                ? sums.uu_occluded - sums.u_occluded * sums.u_occluded /
+                                                         static_cast<double>(sums.occluded)
+                                : 0.0;
+    result.value = 1.0 - (insonified + occluded) / deviations;
+    return result;
+  }
+
+  BeamGrid beams_;
+  BlockedUltrasound ultrasound_;
+  PackedCt ct_;
+  Scene scene_;
+  std::optional<double> transmission_length_mm_;
+  FitOptions fit_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
+                                                     const std::vector<std::uint8_t>& excluded,
+                                                     const CtVolume& ct,
+                                                     const SimulationOptions& simulation,
+                                                     const FitOptions& fit) {
+  require_beams(ultrasound.beams);
+  ultrasound.validate();
+  require_ct(ct);
+  require(ct.voxels.size() <= kMostVoxels, "CT", "voxels", static_cast<double>(ct.voxels.size()),
+          "<= 2^30");
+  simulation.validate();
+  fit.validate();
+  return std::make_shared<SimulatedLc2>(ultrasound, excluded, ct, simulation, fit);
+}
+
+}  // namespace usct
