@@ -51,6 +51,11 @@ struct SimilarityOptions {
   /// it noise and faint structure explain as much as an edge. 0: none.
   double ridge_intensity_hu = 20.0;
   double ridge_gradient_hu_per_mm = 40.0;
+  /// LC2: the gradient may only brighten the ultrasound, as interfaces do; its weight is >= 0.
+  bool positive_gradient = true;
+  /// Of kLocalLc2: patches contribute the explained share to this power; [0.25, 8]. Chance explains
+  /// a little of every patch, true structure much of a few: above 1 the few count.
+  double power = 2.0;
   /// Of the histograms of kMattesMi, kNmi and kCorrelationRatio, per image; [8, 128].
   int bins = 32;
   /// Use the scalar reference in place of vector instructions.

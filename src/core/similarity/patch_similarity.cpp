@@ -28,26 +28,27 @@ struct Moments {
 
 /// Share of the ultrasound's variance that a * m + b * g explains, with weights (a, b) that
 /// minimise the residual plus n (ridge_m a)^2 + n (ridge_g b)^2.
-double explained_share(const Moments& s, double ridge_m, double ridge_g) {
-  if (!(s.uu > 0.0)) return 0.0;
-  // So small beside the moments that it decides nothing but 0 / 0.
+double explained_share(const Moments& s, const SimilarityOptions& options) {
+  const double ridge_m = options.ridge_intensity_hu;
+  const double ridge_g = options.ridge_gradient_hu_per_mm;
+  // The floor is so small beside the moments that it decides nothing but 0 / 0.
   constexpr double kTiny = 1e-9;
-  const double mm = s.mm + s.count * ridge_m * ridge_m + kTiny * s.mm;
-  const double gg = s.gg + s.count * ridge_g * ridge_g + kTiny * s.gg;
+  const double mm = (1.0 + kTiny) * s.mm + s.count * ridge_m * ridge_m;
+  const double gg = (1.0 + kTiny) * s.gg + s.count * ridge_g * ridge_g;
   const double determinant = mm * gg - s.mg * s.mg;
   double a = 0.0;
   double b = 0.0;
   if (determinant > 0.0) {
     a = (gg * s.um - s.mg * s.ug) / determinant;
     b = (mm * s.ug - s.mg * s.um) / determinant;
-  } else if (mm > 0.0) {
-    a = s.um / mm;
-  } else if (gg > 0.0) {
-    b = s.ug / gg;
+  }
+  if (!(determinant > 0.0) || (options.positive_gradient && b < 0.0)) {
+    a = mm > 0.0 ? s.um / mm : 0.0;
+    b = 0.0;
   }
   const double explained =
       2.0 * (a * s.um + b * s.ug) - (a * a * s.mm + 2.0 * a * b * s.mg + b * b * s.gg);
-  return std::clamp(explained / s.uu, 0.0, 1.0);
+  return s.uu > 0.0 ? std::clamp(explained / s.uu, 0.0, 1.0) : 0.0;
 }
 
 class PatchSimilarity : public Similarity {
@@ -138,8 +139,7 @@ class PatchSimilarity : public Similarity {
       return value;
     }
     const Moments all = global_moments(sums);
-    if (options_.kind == SimilarityKind::kGlobalLc2)
-      return explained_share(all, options_.ridge_intensity_hu, options_.ridge_gradient_hu_per_mm);
+    if (options_.kind == SimilarityKind::kGlobalLc2) return explained_share(all, options_);
     return all.mm > 0.0 ? all.um / std::sqrt(all.uu * all.mm) : 0.0;
   }
 
@@ -207,6 +207,7 @@ void SimilarityOptions::validate(const std::string& source) const {
           "ridge_intensity_hu", ridge_intensity_hu, "finite and >= 0");
   require(std::isfinite(ridge_gradient_hu_per_mm) && ridge_gradient_hu_per_mm >= 0.0, source,
           "ridge_gradient_hu_per_mm", ridge_gradient_hu_per_mm, "finite and >= 0");
+  require(power >= 0.25 && power <= 8.0, source, "power", power, "within [0.25, 8]");
   require(bins >= 8 && bins <= 128, source, "bins", bins, "within [8, 128]");
 }
 
