@@ -149,10 +149,14 @@ class PatchSimilarity : public Similarity {
     const double hu = ct_->step_hu();
     const double m = sum.m;
     const double g = sum.g;
-    return explained_share(
-        {n, us_->patches[p].square_sum, hu * hu * (sum.mm - m * m / n),
-         hu * hu * (sum.gg - g * g / n), hu * hu * (sum.mg - m * g / n), hu * sum.um, hu * sum.ug},
-        options_.ridge_intensity_hu, options_.ridge_gradient_hu_per_mm);
+    const Moments moments{n,
+                          us_->patches[p].square_sum,
+                          hu * hu * (sum.mm - m * m / n),
+                          hu * hu * (sum.gg - g * g / n),
+                          hu * hu * (sum.mg - m * g / n),
+                          hu * sum.um,
+                          hu * sum.ug};
+    return std::pow(explained_share(moments, options_), options_.power);
   }
 
   Moments global_moments(const std::vector<PatchSums>& sums) const {
