@@ -290,7 +290,10 @@ RegistrationOptions read_root(const YAML::Node& root, const std::string& source)
   YamlKeys keys(root, source);
   const bool derived = keys.has("preset");
   RegistrationOptions options;
-  if (derived) with_path(source, "preset", [&] { options = preset(keys.text("preset")); });
+  if (derived) {
+    const std::string name = keys.text("preset");
+    with_path(source, "preset", [&] { options = preset(name); });
+  }
   read_struct(keys, "", !derived, options);
   return options;
 }
