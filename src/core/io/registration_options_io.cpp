@@ -234,7 +234,7 @@ class Writer {
       const std::size_t begin = text_.size();
       Writer below(text_, level_ + 2);
       describe(below, value);
-      text_[begin + static_cast<std::size_t>(2 * level_) + 2] = '-';
+      text_[begin + indent() + 2] = '-';
     }
   }
   void degrees(const std::string& key, double& value_rad, double /*most_deg*/) {
@@ -242,8 +242,9 @@ class Writer {
   }
 
  private:
+  std::size_t indent() const { return 2 * static_cast<std::size_t>(level_); }
   void line(const std::string& key, const std::string& value) {
-    text_.append(static_cast<std::size_t>(2 * level_), ' ');
+    text_.append(indent(), ' ');
     text_ += key + (value.empty() ? ":" : ": ") + value + "\n";
   }
 
