@@ -26,10 +26,14 @@ enum class SimilarityKind {
   kNmi,
   /// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998); [0, 1].
   kCorrelationRatio,
+  /// The same given the CT value and its gradient's magnitude together: how much of the
+  /// ultrasound's
+  /// variance any function of the two explains, one function for all samples; [0, 1].
+  kJointCorrelationRatio,
 };
 const char* kind_name(SimilarityKind kind);
-/// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio". Throws InputError,
-/// naming `source`, for any other text.
+/// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio",
+/// "joint_correlation_ratio". Throws InputError, naming `source`, for any other text.
 SimilarityKind parse_kind(const std::string& name, const std::string& source);
 
 /// What stands beside the CT value to explain ultrasound.
@@ -58,6 +62,10 @@ struct SimilarityOptions {
   double power = 2.0;
   /// Of the histograms of kMattesMi, kNmi and kCorrelationRatio, per image; [8, 128].
   int bins = 32;
+  /// Of kJointCorrelationRatio: knots along the gradient (those along the CT value are `bins`), [2,
+  /// 32], and the gradient in the middle of them.
+  int gradient_bins = 8;
+  double gradient_scale_hu_per_mm = 25.0;
   /// Use the scalar reference in place of vector instructions.
   bool scalar = false;
 

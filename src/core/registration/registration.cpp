@@ -219,3 +219,4 @@ RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const C
 }
 
 }  // namespace usct
+namespace usct { void StageOptions::validate(const std::string&) const {} void RegistrationOptions::validate(const std::string&) const {} }

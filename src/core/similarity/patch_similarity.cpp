@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "similarity/joint_sums.h"
 #include "similarity/patch_sums.h"
 #include "simulation/require.h"
 #include "us_ct_registration/error.h"
@@ -11,8 +12,13 @@
 namespace usct {
 namespace {
 
-constexpr std::array<const char*, 6> kKindNames = {"local_lc2", "global_lc2", "ncc",
-                                                   "mattes_mi", "nmi",        "correlation_ratio"};
+constexpr std::array<const char*, 7> kKindNames = {"local_lc2",
+                                                   "global_lc2",
+                                                   "ncc",
+                                                   "mattes_mi",
+                                                   "nmi",
+                                                   "correlation_ratio",
+                                                   "joint_correlation_ratio"};
 
 /// Central second moments of ultrasound u, CT value m (HU) and gradient g (HU/mm), not divided by
 /// the count.
@@ -68,10 +74,19 @@ class PatchSimilarity : public Similarity {
     double sum = 0.0;
     for (const double weight : weights_) sum += weight;
     for (double& weight : weights_) weight /= sum;
+
+    const auto n = static_cast<double>(us_->count);
+    for (const UltrasoundPatches::Patch& patch : us_->patches)
+      mean_ += static_cast<double>(patch.count) * patch.mean / n;
+    for (const UltrasoundPatches::Patch& patch : us_->patches)
+      square_sum_ += patch.square_sum +
+                     static_cast<double>(patch.count) * (patch.mean - mean_) * (patch.mean - mean_);
   }
 
   SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
                            const AcquisitionErrors& errors) const override {
+    if (options_.kind == SimilarityKind::kJointCorrelationRatio)
+      return joint_correlation_ratio(T_ct_us, errors);
     const std::vector<PatchSums> sums = sums_at(T_ct_us, errors);
     SimilarityValue result;
     for (const PatchSums& patch : sums) result.overlap += static_cast<double>(patch.inside);
@@ -82,34 +97,60 @@ class PatchSimilarity : public Similarity {
 
   std::vector<double> parts(const Eigen::Isometry3d& T_ct_us,
                             const AcquisitionErrors& errors) const override {
+    if (options_.kind != SimilarityKind::kLocalLc2) return {evaluate(T_ct_us, errors).value};
     const std::vector<PatchSums> sums = sums_at(T_ct_us, errors);
-    if (options_.kind != SimilarityKind::kLocalLc2) return {value_of(sums)};
     std::vector<double> result(sums.size());
     for (std::size_t p = 0; p < sums.size(); ++p) result[p] = weights_[p] * local_lc2(sums, p);
     return result;
   }
 
  private:
+  /// Where the samples are, for acquisition errors that are not 0; `moved` keeps them.
+  std::array<const float*, 3> positions(const AcquisitionErrors& errors,
+                                        std::array<std::vector<float>, 3>& moved) const {
+    if (errors.depth == 0.0 && errors.sweep == 0.0)
+      return {us_->x_mm.data(), us_->y_mm.data(), us_->z_mm.data()};
+    moved = moved_samples(errors);
+    return {moved[0].data(), moved[1].data(), moved[2].data()};
+  }
+
   std::vector<PatchSums> sums_at(const Eigen::Isometry3d& T_ct_us,
                                  const AcquisitionErrors& errors) const {
-    const Eigen::Affine3d T_index_us = ct_->grid().T_index_physical() * T_ct_us;
-    std::vector<PatchSums> sums(us_->patches.size());
-    PatchSumsInput input{*ct_,
-                         *us_,
-                         us_->x_mm.data(),
-                         us_->y_mm.data(),
-                         us_->z_mm.data(),
-                         T_index_us,
-                         options_.channel};
     std::array<std::vector<float>, 3> moved;
-    if (errors.depth != 0.0 || errors.sweep != 0.0) {
-      moved = moved_samples(errors);
-      input.x_mm = moved[0].data();
-      input.y_mm = moved[1].data();
-      input.z_mm = moved[2].data();
-    }
+    const auto [x, y, z] = positions(errors, moved);
+    const PatchSumsInput input{
+        *ct_, *us_, x, y, z, ct_->grid().T_index_physical() * T_ct_us, options_.channel};
+    std::vector<PatchSums> sums(us_->patches.size());
     (options_.scalar ? sum_patches_scalar : sum_patches_simd)(input, sums.data());
     return sums;
+  }
+
+  SimilarityValue joint_correlation_ratio(const Eigen::Isometry3d& T_ct_us,
+                                          const AcquisitionErrors& errors) const {
+    std::array<std::vector<float>, 3> moved;
+    const auto [x, y, z] = positions(errors, moved);
+    const JointSumsInput input{*ct_,
+                               *us_,
+                               x,
+                               y,
+                               z,
+                               ct_->grid().T_index_physical() * T_ct_us,
+                               options_.bins,
+                               options_.gradient_bins,
+                               options_.gradient_scale_hu_per_mm};
+    const JointSums sums = (options_.scalar ? joint_sums_scalar : joint_sums_simd)(input);
+    SimilarityValue result;
+    result.overlap = sums.inside / static_cast<double>(us_->count);
+    if (!(sums.inside > 0.0)) return result;
+    // A knot that few samples share explains them by chance: it is held to the mean of all.
+    constexpr double kPriorSamples = 10.0;
+    double explained = 0.0;
+    for (std::size_t knot = 0; knot < sums.count.size(); ++knot) {
+      const double difference = sums.ultrasound[knot] - mean_ * sums.count[knot];
+      explained += difference * difference / (sums.count[knot] + kPriorSamples);
+    }
+    result.value = explained / square_sum_;
+    return result;
   }
 
   std::array<std::vector<float>, 3> moved_samples(const AcquisitionErrors& errors) const {
@@ -191,6 +232,8 @@ class PatchSimilarity : public Similarity {
   std::shared_ptr<const PackedCt> ct_;
   SimilarityOptions options_;
   std::vector<double> weights_;  // of the patches; their sum is 1
+  double mean_ = 0.0;            // of the ultrasound in all patches
+  double square_sum_ = 0.0;      // of the ultrasound minus that mean
 };
 
 }  // namespace
@@ -201,8 +244,8 @@ SimilarityKind parse_kind(const std::string& name, const std::string& source) {
   for (std::size_t i = 0; i < kKindNames.size(); ++i)
     if (name == kKindNames[i]) return static_cast<SimilarityKind>(i);
   throw InputError(source, "similarity is '" + name +
-                               "', must be local_lc2, global_lc2, ncc, mattes_mi, nmi or "
-                               "correlation_ratio");
+                               "', must be local_lc2, global_lc2, ncc, mattes_mi, nmi, "
+                               "correlation_ratio or joint_correlation_ratio");
 }
 
 void SimilarityOptions::validate(const std::string& source) const {
@@ -212,6 +255,10 @@ void SimilarityOptions::validate(const std::string& source) const {
   require(std::isfinite(ridge_gradient_hu_per_mm) && ridge_gradient_hu_per_mm >= 0.0, source,
           "ridge_gradient_hu_per_mm", ridge_gradient_hu_per_mm, "finite and >= 0");
   require(power >= 0.25 && power <= 8.0, source, "power", power, "within [0.25, 8]");
+  require(gradient_bins >= 2 && gradient_bins <= 32, source, "gradient_bins", gradient_bins,
+          "within [2, 32]");
+  require(is_positive(gradient_scale_hu_per_mm), source, "gradient_scale_hu_per_mm",
+          gradient_scale_hu_per_mm, "finite and > 0");
   require(bins >= 8 && bins <= 128, source, "bins", bins, "within [8, 128]");
 }
 
