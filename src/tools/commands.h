@@ -17,5 +17,6 @@ void add_calibrate_motor_command(CLI::App& app, Run& run);
 void add_phantom_command(CLI::App& app, Run& run);
 void add_simulate_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
+void add_study_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools
