@@ -54,17 +54,22 @@ Grid grid_of_indices(const ScanGeometry& geometry) {
 
 /// Amplitude of speckle in dB, minus its mean at each depth.
 Volume<float> speckle_db(const Grid& grid, std::uint64_t seed, const SpeckleOptions& options) {
-  Volume<float> real(grid);
-  Volume<float> imaginary(grid);
+  const Vector3d sigma_mm(options.axial_mm, options.lateral_mm, options.elevation_mm);
+  // Smoothing averages less at the ends of a volume: these lie beyond.
+  const Eigen::Vector3i margin =
+      (3.0 * sigma_mm.cwiseQuotient(grid.spacing_mm)).array().ceil().cast<int>();
+  Grid wider = grid;
+  wider.size += 2 * margin;
+  Volume<float> real(wider);
+  Volume<float> imaginary(wider);
   phantom::Sequence random(seed, kSpeckle);
   for (std::size_t i = 0; i < real.voxels.size(); ++i) {
     const std::complex<double> pair = phantom::normal_pair(random.next());
     real.voxels[i] = static_cast<float>(pair.real());
     imaginary.voxels[i] = static_cast<float>(pair.imag());
   }
-  const Vector3d sigma_mm(options.axial_mm, options.lateral_mm, options.elevation_mm);
-  real = smooth_gaussian(real, sigma_mm, whole(grid));
-  imaginary = smooth_gaussian(imaginary, sigma_mm, whole(grid));
+  real = smooth_gaussian(real, sigma_mm, {margin, grid.size});
+  imaginary = smooth_gaussian(imaginary, sigma_mm, {margin, grid.size});
   std::vector<double> mean(static_cast<std::size_t>(grid.size.x()), 0.0);
   const double beams = static_cast<double>(grid.size.y()) * grid.size.z();
   for (std::size_t i = 0; i < real.voxels.size(); ++i) {

@@ -107,6 +107,7 @@ Json run_json(const StudyRun& run) {
           {"T_us_ct_initial", pose_json(run.trial.T_us_ct_initial)},
           {"status", status_name(run.result.status)},
           {"message", run.result.message},
+          {"T_us_ct", run.accepted() ? pose_json(*run.result.T_us_ct) : Json(nullptr)},
           {"before_tre_mm", errors_json(run.before)},
           {"tre_mm", errors_json(run.after)},
           {"expected_tre_mm", errors_json(run.expected)},

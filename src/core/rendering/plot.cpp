@@ -104,7 +104,9 @@ Picture plot(const PlotAxes& axes, const std::vector<PlotSeries>& series) {
                        "an axis ends at " + std::to_string(max) + ", must be finite and > 0");
   Canvas canvas(axes);
   draw_axes(canvas, axes);
-  int legend_y = kTop + kLegendLinePx;
+  const auto named = std::count_if(series.begin(), series.end(),
+                                   [](const PlotSeries& one) { return !one.name.empty(); });
+  int legend_y = kHeight - kBottom - kLegendLinePx * static_cast<int>(named);
   for (std::size_t i = 0; i < series.size(); ++i) {
     const Picture::Colour& colour = kColours[i % kColours.size()];
     for (const Eigen::Vector2d& point : series[i].points)
