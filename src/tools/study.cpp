@@ -26,7 +26,7 @@ struct StudyCommand {
   double max_rotation_deg = 30.0;
   double box_mm = -1.0;
   double box_deg = -1.0;
-  std::string preset = "default";
+  std::string preset = "patient";
   std::string options;
   double parallel_beams_mm = 0.0;
   int threads = omp_get_max_threads();

@@ -39,7 +39,7 @@ RegistrationOptions three_stages() {
 }
 
 /// One start, one coarse stage.
-RegistrationOptions quick() {
+RegistrationOptions fast() {
   RegistrationOptions options = three_stages();
   options.stages = {stage(4.0, 16.0)};
   options.stages.front().optimizer.max_evaluations = 60;
@@ -50,9 +50,9 @@ RegistrationOptions quick() {
 
 RegistrationOptions registration_options(const std::string& preset, const std::string& path) {
   if (!path.empty()) throw InputError("--options", "is not supported yet, must be left out");
-  if (preset == "default") return three_stages();
-  if (preset == "quick") return quick();
-  throw InputError("--preset", "is '" + preset + "', must be default or quick");
+  if (preset == "patient") return three_stages();
+  if (preset == "fast") return fast();
+  throw InputError("--preset", "is '" + preset + "', must be fast or patient");
 }
 
 }  // namespace usct::tools

@@ -114,7 +114,8 @@ std::vector<double> spread_displacements_mm(std::uint64_t seed, int count, doubl
   for (int i = 0; i < count; ++i) {
     const int bin = i % bins;
     const int in_bin = (count - bin + bins - 1) / bins;
-    const double within_bin = (i / bins + random.between(0.0, 1.0)) / in_bin;
+    const int place = i / bins;
+    const double within_bin = (place + random.between(0.0, 1.0)) / in_bin;
     displacements_mm.push_back(min_mm + (max_mm - min_mm) * (bin + within_bin) / bins);
   }
   return displacements_mm;

@@ -38,9 +38,8 @@ std::vector<double> ranks_of(const std::vector<double>& values) {
 }
 
 std::vector<DisplacementBin> empty_bins(const std::vector<double>& edges_mm) {
-  std::vector<DisplacementBin> bins;
-  for (std::size_t i = 1; i < edges_mm.size(); ++i)
-    bins.push_back({edges_mm[i - 1], edges_mm[i], 0, 0});
+  std::vector<DisplacementBin> bins(edges_mm.empty() ? 0 : edges_mm.size() - 1);
+  for (std::size_t i = 0; i < bins.size(); ++i) bins[i] = {edges_mm[i], edges_mm[i + 1], 0, 0};
   return bins;
 }
 
@@ -184,6 +183,7 @@ std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>&
       ++negatives.accepted_wrong;
   }
   std::vector<NegativeStatistics> result;
+  result.reserve(of_kind.size());
   for (const auto& [kind, negatives] : of_kind) result.push_back(negatives);
   return result;
 }

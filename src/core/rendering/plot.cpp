@@ -29,13 +29,18 @@ const std::array<Picture::Colour, 8> kColours{{{90, 170, 255},
                                                {100, 220, 220},
                                                {220, 220, 220}}};
 
-/// 1, 2 or 5 times a power of ten, about `kTicks` of which make `max`.
-double tick_step(double max) {
+/// Multiples of 1, 2 or 5 times a power of ten from 0 to `max`, about `kTicks` of them.
+std::vector<double> ticks(double max) {
   const double rough = max / kTicks;
   const double power = std::pow(10.0, std::floor(std::log10(rough)));
-  for (const double step : {1.0, 2.0, 5.0})
-    if (step * power >= rough) return step * power;
-  return 10.0 * power;
+  double step = 10.0 * power;
+  for (const double factor : {5.0, 2.0, 1.0})
+    if (factor * power >= rough) step = factor * power;
+  const int last = static_cast<int>(max / step + 1e-9);
+  std::vector<double> values;
+  values.reserve(static_cast<std::size_t>(last) + 1);
+  for (int i = 0; i <= last; ++i) values.push_back(i * step);
+  return values;
 }
 
 std::string tick_text(double value) {
@@ -67,12 +72,11 @@ class Canvas {
 
 void draw_axes(Canvas& canvas, const PlotAxes& axes) {
   const cv::Mat mat = canvas.mat();
-  constexpr double kRounding = 1.0 + 1e-9;
-  for (double x = 0.0; x <= axes.x_max * kRounding; x += tick_step(axes.x_max)) {
+  for (const double x : ticks(axes.x_max)) {
     cv::line(mat, canvas.at(x, 0.0), canvas.at(x, axes.y_max), kGrid);
     draw_text(canvas.picture(), tick_text(x), canvas.at(x, 0.0).x - 6, kHeight - kBottom + 18);
   }
-  for (double y = 0.0; y <= axes.y_max * kRounding; y += tick_step(axes.y_max)) {
+  for (const double y : ticks(axes.y_max)) {
     cv::line(mat, canvas.at(0.0, y), canvas.at(axes.x_max, y), kGrid);
     draw_text(canvas.picture(), tick_text(y), kLeft - 42, canvas.at(0.0, y).y + 5);
   }

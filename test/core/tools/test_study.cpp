@@ -43,7 +43,7 @@ class Study : public testing::Test {
 
   static Outcome study(const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"study", path("agar_1"), path("agar_2"), "--preset",
-                                       "quick", "--quiet",      "--output",     path("study.json")};
+                                       "fast",  "--quiet",      "--output",     path("study.json")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run_usct(arguments);
   }
