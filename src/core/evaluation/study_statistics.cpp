@@ -90,6 +90,7 @@ std::vector<GroupStatistics> statistics_by(const std::vector<StudyRun>& runs,
   for (const StudyRun& run : runs)
     if (has_truth(run.trial.kind)) runs_of[name_of(run)].push_back(&run);
   std::vector<GroupStatistics> groups;
+  groups.reserve(runs_of.size());
   for (const auto& [name, of_group] : runs_of)
     groups.push_back(statistics_of(name, of_group, bin_edges_mm));
   return groups;
