@@ -8,12 +8,12 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "progress_bar.h"
-#include "study_options.h"
 #include "study_pictures.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/study_report.h"
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/registration_options_io.h"
 #include "us_ct_registration/registration/registration.h"
+#include "us_ct_registration/simulation/ultrasound_beams.h"
 
 namespace usct::tools {
 namespace {
@@ -68,19 +68,19 @@ std::vector<double> bin_edges_mm(const StudyOptions& study, const std::vector<Tr
   return edges_mm;
 }
 
-BeamUltrasound beams_of(const PreScanVolume& ultrasound, double parallel_beams_mm) {
-  if (parallel_beams_mm == 0.0) return along_beams(ultrasound);
-  const ScanConverted converted = in_space(ultrasound, parallel_beams_mm, CompoundOptions{});
-  return along_beams(converted.volume, converted.mask, BeamAxis{});
+RegistrationOptions options_of(const StudyCommand& command) {
+  RegistrationOptions options =
+      command.options.empty() ? preset(command.preset) : read_registration_options(command.options);
+  options.validate();
+  return options;
 }
 
 Register registers_with(const StudyCommand& command) {
-  const RegistrationOptions options = registration_options(command.preset, command.options);
-  return [options, parallel_beams_mm = command.parallel_beams_mm](
-             const PreScanVolume& ultrasound, const CtVolume& ct,
-             const Eigen::Isometry3d& T_us_ct_initial) {
-    return register_ultrasound(beams_of(ultrasound, parallel_beams_mm), ct, T_us_ct_initial,
-                               options);
+  BeamOptions beams;
+  if (command.parallel_beams_mm > 0.0) beams.parallel_beams_mm = command.parallel_beams_mm;
+  return [options = options_of(command), beams](const PreScanVolume& ultrasound, const CtVolume& ct,
+                                                const Eigen::Isometry3d& T_us_ct_initial) {
+    return register_ultrasound(beams_of(ultrasound, beams).along, ct, T_us_ct_initial, options);
   };
 }
 
@@ -179,9 +179,12 @@ void add_study_command(CLI::App& app, Run& run) {
       "shares are of all runs, so that a refusal is no success.");
   auto command = std::make_shared<StudyCommand>();
   sub->add_option("cases", command->folders, "folders as `usct phantom` writes them")->required();
-  sub->add_option("--preset", command->preset, "options of the registration")
-      ->capture_default_str();
-  sub->add_option("--options", command->options, "options of the registration, YAML");
+  CLI::Option* preset = sub->add_option("--preset", command->preset,
+                                        "options of the registration by name, see 'usct presets'");
+  preset->capture_default_str();
+  sub->add_option("--options", command->options,
+                  "options as YAML (docs/registration_options.md); may name a preset to change")
+      ->excludes(preset);
   sub->add_option("--parallel-beams", command->parallel_beams_mm,
                   "register the scan-converted ultrasound, along parallel beams on a grid of this "
                   "spacing, mm (the thesis' variant A)")

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "us_ct_registration/registration/registration_result.h"
 
@@ -16,6 +17,9 @@ namespace usct {
 /// missing, unknown or of the wrong type; for a transform that is not rigid; for a registered
 /// result without transform, or a transform with any other status.
 RegistrationResult read_result(const std::filesystem::path& path);
+
+/// The text of such a file. Throws InputError for a result that `read_result` would refuse.
+std::string result_json(const RegistrationResult& result, const std::string& source = "result");
 
 /// Atomic. Numbers come back bit by bit. Throws InputError for a result that `read_result` would
 /// refuse, or if the folder cannot be written to.

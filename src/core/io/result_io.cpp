@@ -159,8 +159,8 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   return result;
 }
 
-void write_result(const RegistrationResult& result, const std::filesystem::path& path) {
-  check(result, path.string());
+std::string result_json(const RegistrationResult& result, const std::string& source) {
+  check(result, source);
   Json json;
   json["status"] = status_name(result.status);
   json["message"] = result.message;
@@ -175,7 +175,11 @@ void write_result(const RegistrationResult& result, const std::filesystem::path&
   json["version"] = result.version;
   constexpr int kIndent = 2;
   // Text from elsewhere (a file name in a message) need not be UTF-8; it must not cost the result.
-  io::write_text(path, json.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n");
+  return json.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void write_result(const RegistrationResult& result, const std::filesystem::path& path) {
+  io::write_text(path, result_json(result, path.string()));
 }
 
 }  // namespace usct
