@@ -19,5 +19,6 @@ void add_simulate_command(CLI::App& app, Run& run);
 void add_register_command(CLI::App& app, Run& run);
 void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
+void add_study_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools
