@@ -30,10 +30,13 @@ enum class SimilarityKind {
   /// ultrasound's
   /// variance any function of the two explains, one function for all samples; [0, 1].
   kJointCorrelationRatio,
+  /// The thesis' (Wein 2008): LC2 of the ultrasound and its simulation along the beams, see
+  /// simulated_lc2.h; it has no patches and cannot be made here.
+  kSimulatedLc2,
 };
 const char* kind_name(SimilarityKind kind);
 /// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio",
-/// "joint_correlation_ratio". Throws InputError, naming `source`, for any other text.
+/// "joint_correlation_ratio", "simulated_lc2". Throws InputError, naming `source`, for any other text.
 SimilarityKind parse_kind(const std::string& name, const std::string& source);
 
 /// What stands beside the CT value to explain ultrasound.

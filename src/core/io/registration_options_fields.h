@@ -181,6 +181,8 @@ void describe(Fields& fields, SimilarityOptions& o) {
   fields("positive_gradient", o.positive_gradient);
   fields("power", o.power);
   fields("bins", o.bins);
+  fields("gradient_bins", o.gradient_bins);
+  fields("gradient_scale_hu_per_mm", o.gradient_scale_hu_per_mm);
   fields("scalar", o.scalar);
 }
 
@@ -220,13 +222,32 @@ void describe(Fields& fields, StageOptions& o) {
 }
 
 template <typename Fields>
+void describe(Fields& fields, ConfidenceOptions& o) {
+  fields("min_overlap", o.min_overlap);
+  fields("background", o.background);
+  fields("background_mm", o.background_mm);
+  fields("min_significance", o.min_significance);
+  fields("confirmation", o.confirmation);
+  fields("min_confirmation", o.min_confirmation);
+  fields("min_margin", o.min_margin);
+  fields("max_disagreement_mm", o.max_disagreement_mm);
+  fields("max_displacement_mm", o.max_displacement_mm);
+  fields("deviation_factor", o.deviation_factor);
+  fields("systematic_mm", o.systematic_mm);
+}
+
+template <typename Fields>
 void describe(Fields& fields, RegistrationOptions& o) {
   fields("window", o.window);
   fields("outside_hu", o.outside_hu);
   fields("conditioning_spacing_mm", o.conditioning_spacing_mm);
   fields("conditioning", o.conditioning);
+  fields("simulation", o.simulation);
+  fields("fit", o.fit);
   fields("stages", o.stages);
+  fields("rounds", o.rounds);
   fields("distinct_mm", o.distinct_mm);
+  fields("confidence", o.confidence);
   fields("seed", o.seed);
 }
 

@@ -142,7 +142,7 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   const Json json = parse_json(path);
   const Members members(json, source,
                         {"status", "message", "T_us_ct", "similarity", "overlap", "covariance",
-                         "candidates", "evaluations", "seconds", "options", "version"});
+                         "candidates", "measures", "evaluations", "seconds", "options", "version"});
   RegistrationResult result;
   result.status = parse_status(members.text("status"), source);
   result.message = members.text("message");
@@ -151,6 +151,7 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   result.overlap = members.number_or_nan("overlap");
   if (!members.is_null("covariance")) result.covariance = members.matrix<6>("covariance");
   result.candidates = read_candidates(members.at("candidates"), source);
+  result.measures = members.map<double>("measures");
   result.evaluations = members.count("evaluations");
   result.seconds = members.map<double>("seconds");
   result.options = members.map<std::string>("options");
@@ -169,6 +170,7 @@ std::string result_json(const RegistrationResult& result, const std::string& sou
   json["overlap"] = number_json(result.overlap);
   json["covariance"] = result.covariance ? matrix_json<6>(*result.covariance) : Json(nullptr);
   json["candidates"] = candidates_json(result.candidates);
+  json["measures"] = result.measures;
   json["evaluations"] = result.evaluations;
   json["seconds"] = result.seconds;
   json["options"] = result.options;

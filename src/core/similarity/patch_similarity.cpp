@@ -12,13 +12,14 @@
 namespace usct {
 namespace {
 
-constexpr std::array<const char*, 7> kKindNames = {"local_lc2",
+constexpr std::array<const char*, 8> kKindNames = {"local_lc2",
                                                    "global_lc2",
                                                    "ncc",
                                                    "mattes_mi",
                                                    "nmi",
                                                    "correlation_ratio",
-                                                   "joint_correlation_ratio"};
+                                                   "joint_correlation_ratio",
+                                                   "simulated_lc2"};
 
 /// Central second moments of ultrasound u, CT value m (HU) and gradient g (HU/mm), not divided by
 /// the count.
@@ -245,7 +246,7 @@ SimilarityKind parse_kind(const std::string& name, const std::string& source) {
     if (name == kKindNames[i]) return static_cast<SimilarityKind>(i);
   throw InputError(source, "similarity is '" + name +
                                "', must be local_lc2, global_lc2, ncc, mattes_mi, nmi, "
-                               "correlation_ratio or joint_correlation_ratio");
+                               "correlation_ratio, joint_correlation_ratio or simulated_lc2");
 }
 
 void SimilarityOptions::validate(const std::string& source) const {
@@ -266,6 +267,8 @@ std::shared_ptr<const Similarity> make_patch_similarity(
     std::shared_ptr<const UltrasoundPatches> ultrasound, std::shared_ptr<const PackedCt> ct,
     const SimilarityOptions& options) {
   options.validate();
+  if (options.kind == SimilarityKind::kSimulatedLc2)
+    throw InputError("similarity options", "'kind' is simulated_lc2, must be one with patches");
   if (ultrasound->patches.empty())
     throw InputError("ultrasound", "has no patch with structure, must have one at least");
   return std::make_shared<PatchSimilarity>(std::move(ultrasound), std::move(ct), options);
