@@ -232,6 +232,7 @@ void describe(Fields& fields, ConfidenceOptions& o) {
   fields("min_margin", o.min_margin);
   fields("max_disagreement_mm", o.max_disagreement_mm);
   fields("max_displacement_mm", o.max_displacement_mm);
+  fields("max_expected_error_mm", o.max_expected_error_mm);
   fields("deviation_factor", o.deviation_factor);
   fields("systematic_mm", o.systematic_mm);
 }

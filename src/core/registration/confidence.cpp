@@ -1,6 +1,7 @@
 #include "registration/confidence.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -137,12 +138,14 @@ Background BackgroundPoses::of(const Similarity& similarity, const Candidate& be
       values.push_back(pose.value);
   Background background;
   if (values.size() < 2) return background;
-  const auto n = static_cast<double>(values.size());
-  for (const double value : values) background.mean += value / n;
-  double squares = 0.0;
-  for (const double value : values)
-    squares += (value - background.mean) * (value - background.mean);
-  background.deviation = std::sqrt(squares / (n - 1.0));
+  std::sort(values.begin(), values.end());
+  constexpr double kUpper = 0.9;
+  constexpr double kUpperInDeviations = 1.2816;  // of a normal distribution
+  const auto quantile = [&](double share) {
+    return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+  };
+  background.mean = quantile(0.5);
+  background.deviation = (quantile(kUpper) - background.mean) / kUpperInDeviations;
   return background;
 }
 
@@ -168,38 +171,62 @@ double expected_error_mm(const Matrix6d& covariance,
   return expected_tre_mm(covariance, points_us_mm).rms_mm;
 }
 
+namespace {
+
+/// One gate: what it judges, the limit, and what failing it means.
+struct Gate {
+  const char* measure;
+  bool at_least;
+  double limit;
+  const char* meaning;
+
+  bool passed(const std::map<std::string, double>& measures) const {
+    const auto found = measures.find(measure);
+    if (found == measures.end()) return true;
+    return at_least ? found->second >= limit : found->second <= limit;
+  }
+  std::string refusal(const std::map<std::string, double>& measures) const {
+    return std::string(meaning) + ": " + measure + " is " + number(measures.at(measure)) +
+           ", must be " + (at_least ? ">= " : "<= ") + number(limit);
+  }
+};
+
+std::vector<Gate> gates(const ConfidenceOptions& options) {
+  return {
+      {"significance", true, options.min_significance, "the best pose is no better than chance"},
+      {"confirmation", true, options.min_confirmation,
+       "a second similarity does not confirm the pose"},
+      {"margin", true, options.min_margin, "another pose is almost as good"},
+      {"disagreement_mm", false, options.max_disagreement_mm, "the last two stages disagree"},
+      {"displacement_mm", false, options.max_displacement_mm,
+       "the pose is far from the initial one"},
+      {"expected_error_mm", false, options.max_expected_error_mm, "the pose is not well defined"},
+  };
+}
+
+}  // namespace
+
+bool passes(const ConfidenceOptions& options, const std::map<std::string, double>& measures) {
+  const std::vector<Gate> all = gates(options);
+  return std::all_of(all.begin(), all.end(),
+                     [&](const Gate& gate) { return gate.passed(measures); });
+}
+
 void judge(const ConfidenceOptions& options, RegistrationResult& result) {
-  const auto refuse = [&](RegistrationStatus status, const std::string& why) {
-    if (result.status != RegistrationStatus::kRegistered) return;
-    result.status = status;
-    result.message = why;
-  };
-  const auto at_least = [&](const char* name, double limit, const std::string& meaning) {
-    const auto measure = result.measures.find(name);
-    if (measure != result.measures.end() && !(measure->second >= limit))
-      refuse(RegistrationStatus::kLowConfidence, meaning + ": " + name + " is " +
-                                                     number(measure->second) +
-                                                     ", must be >= " + number(limit));
-  };
-  const auto at_most = [&](const char* name, double limit, const std::string& meaning) {
-    const auto measure = result.measures.find(name);
-    if (measure != result.measures.end() && !(measure->second <= limit))
-      refuse(RegistrationStatus::kLowConfidence, meaning + ": " + name + " is " +
-                                                     number(measure->second) +
-                                                     ", must be <= " + number(limit));
-  };
+  if (!(result.overlap >= options.min_overlap)) {
+    result.status = RegistrationStatus::kNoOverlap;
+    result.message = "CT and ultrasound share too little: overlap is " + number(result.overlap) +
+                     ", must be >= " + number(options.min_overlap);
+    return;
+  }
+  for (const Gate& gate : gates(options))
+    if (!gate.passed(result.measures)) {
+      result.status = RegistrationStatus::kLowConfidence;
+      result.message = gate.refusal(result.measures);
+      return;
+    }
   result.status = RegistrationStatus::kRegistered;
-  result.message = "registered";
-  if (!(result.overlap >= options.min_overlap))
-    refuse(RegistrationStatus::kNoOverlap, "CT and ultrasound share too little: overlap is " +
-                                               number(result.overlap) +
-                                               ", must be >= " + number(options.min_overlap));
-  at_least("significance", options.min_significance, "the best pose is no better than chance");
-  at_least("confirmation", options.min_confirmation,
-           "a second similarity does not confirm the pose");
-  at_least("margin", options.min_margin, "another pose is almost as good");
-  at_most("disagreement_mm", options.max_disagreement_mm, "the last two stages disagree");
-  at_most("displacement_mm", options.max_displacement_mm, "the pose is far from the initial one");
+  result.message = "all gates passed";
 }
 
 }  // namespace usct::registration

@@ -8,12 +8,13 @@
 /// Whether a pose is to be believed, and how exact it is.
 namespace usct::registration {
 
-/// Values of a similarity at poses where nothing fits.
+/// Values of a similarity at poses where nothing fits: median, and the deviation of a normal
+/// distribution with the same upper decile (some poses fit a little, so that tails are long).
 struct Background {
   double mean = 0.0;
   double deviation = 0.0;
 
-  /// Standard deviations above the mean.
+  /// Deviations above the mean.
   double significance(double value) const {
     return deviation > 0.0 ? (value - mean) / deviation : 0.0;
   }
@@ -45,6 +46,9 @@ std::optional<Eigen::Matrix<double, 6, 6>> pose_covariance(const Similarity& sim
 /// Root mean square over the points of the expected displacement, mm.
 double expected_error_mm(const Eigen::Matrix<double, 6, 6>& covariance,
                          const std::vector<Eigen::Vector3d>& points_us_mm);
+
+/// Whether all measures that there are pass the gates.
+bool passes(const ConfidenceOptions& options, const std::map<std::string, double>& measures);
 
 /// Status and message by the gates, from the overlap and the measures; a measure that is absent is
 /// not judged.

@@ -121,10 +121,9 @@ class Registration {
       if (optima_.empty() || !std::isfinite(optima_.front().value))
         throw Refusal{RegistrationStatus::kNoOverlap,
                       "no pose in reach has CT and ultrasound overlap"};
-      background_ = poses_->of(*levels_[decisive()].similarity, optima_.front(), *search_);
+      measure_optimum();
       report(0.2 + 0.6 * (round + 1) / options_.rounds);
-      if (background_.significance(optima_.front().value) >= options_.confidence.min_significance)
-        break;
+      if (registration::passes(options_.confidence, result_.measures)) break;
     }
     result_.seconds["search"] = watch.lap();
   }
@@ -188,20 +187,30 @@ class Registration {
     report(0.9);
   }
 
+  /// What is to be said of the best optimum of the decisive stage.
+  void measure_optimum() {
+    const Level& level = levels_[decisive()];
+    const Candidate& best = optima_.front();
+    const registration::Background background = poses_->of(*level.similarity, best, *search_);
+    result_.measures["significance"] = background.significance(best.value);
+    result_.measures["margin"] = 1.0;
+    for (std::size_t i = 1; i < optima_.size(); ++i)
+      if (search_->distance_mm(optima_[i].T_us_ct, best.T_us_ct) > kElsewhereMm) {
+        result_.measures["margin"] =
+            (best.value - optima_[i].value) / (best.value - background.mean);
+        break;
+      }
+    if (!level.confirmation) return;
+    std::vector<Candidate> there{best};
+    search_->evaluate(*level.confirmation, there);
+    result_.measures["confirmation"] =
+        poses_->of(*level.confirmation, best, *search_).significance(there.front().value);
+  }
+
   void judge() {
     Stopwatch watch;
-    const Level& level = levels_[decisive()];
     result_.similarity = optima_.front().value;
     result_.overlap = best_.overlap;
-    result_.measures["significance"] = background_.significance(optima_.front().value);
-    if (optima_.size() > 1)
-      result_.measures["margin"] = (optima_[0].value - optima_[1].value) / background_.deviation;
-    if (level.confirmation) {
-      std::vector<Candidate> there{optima_.front()};
-      search_->evaluate(*level.confirmation, there);
-      result_.measures["confirmation"] = poses_->of(*level.confirmation, optima_.front(), *search_)
-                                             .significance(there.front().value);
-    }
     result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
     result_.covariance = registration::pose_covariance(*levels_.back().similarity, best_,
                                                        options_.confidence, *search_);
@@ -226,6 +235,8 @@ class Registration {
   static constexpr std::size_t kLeastPoints = 100;
   static constexpr int kLeastVoxels = 4;
   static constexpr std::size_t kMostOptima = 5;
+  /// A second optimum closer than this is the slope of the first, mm.
+  static constexpr double kElsewhereMm = 10.0;
 
   const BeamUltrasound& us_;
   const CtVolume& ct_;
@@ -237,7 +248,6 @@ class Registration {
   std::vector<Level> levels_;
   std::optional<Search> search_;
   std::optional<BackgroundPoses> poses_;
-  registration::Background background_;
   std::vector<Candidate> optima_;  // of the decisive stage, best first
   Candidate best_;
   RegistrationResult result_;
