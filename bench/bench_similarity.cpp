@@ -129,6 +129,8 @@ BENCHMARK_CAPTURE(evaluate, local_lc2_avx512_2x_coarse, kLocal, HWY_AVX3, 2, 2.0
 BENCHMARK_CAPTURE(evaluate, local_lc2_scalar_1x, kLocal, kScalar, 1, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, local_lc2_avx2_1x, kLocal, HWY_AVX2, 1, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, local_lc2_avx512_1x, kLocal, HWY_AVX3, 1, 1.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, local_lc2_avx2_2x_cached, kLocal, HWY_AVX2, 2, 5.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, local_lc2_avx512_2x_cached, kLocal, HWY_AVX3, 2, 5.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, local_lc2_errors, kLocal, 0, 2, 1.0, AcquisitionErrors{0.01, 0.01})
     ->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, global_lc2, SimilarityKind::kGlobalLc2, 0, 2, 1.0, kNone)->Unit(kMs);

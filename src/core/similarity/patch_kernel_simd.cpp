@@ -53,7 +53,7 @@ struct Constants {
     }
     words = in.ct.cells().data();
     stride_j = static_cast<std::int32_t>(in.ct.cell_stride_j());
-    stride_k = static_cast<std::int32_t>(in.ct.cell_stride_k());
+    rows = static_cast<float>(in.ct.cell_stride_k() / in.ct.cell_stride_j());
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);
@@ -63,7 +63,8 @@ struct Constants {
   float origin[3];
   float cells[3];
   float per_mm[3];
-  std::int32_t stride_j, stride_k;
+  std::int32_t stride_j;  // cells per row
+  float rows;             // per slice
   float background;
   float depth_error, sweep_error;
 };
@@ -80,6 +81,12 @@ HWY_INLINE VF byte_of(VU word) {
   const VU shifted = hn::ShiftRight<8 * kByte>(word);
   const VU byte = kByte == 3 ? shifted : hn::And(shifted, hn::Set(du, 0xFFU));
   return hn::ConvertTo(df, hn::BitCast(di, byte));
+}
+
+/// Whole numbers in [0, 2^23) as integers; less work than a conversion that minds overflow.
+HWY_INLINE VI whole(VF value) {
+  const VF offset = hn::Set(df, 8388608.0F);  // 2^23: what follows the binary point drops out
+  return hn::Sub(hn::BitCast(di, hn::Add(value, offset)), hn::BitCast(di, offset));
 }
 
 /// Positions where AcquisitionErrors move the samples to.
@@ -117,12 +124,12 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   const MF inside = hn::And(hn::And(hn::And(hn::Ge(x, zero), hn::Lt(x, hn::Set(df, k.cells[0]))),
                                     hn::And(hn::Ge(y, zero), hn::Lt(y, hn::Set(df, k.cells[1])))),
                             hn::And(hn::Ge(z, zero), hn::Lt(z, hn::Set(df, k.cells[2]))));
-  // Truncation is floor: what is inside is not negative.
-  const VI i = hn::ConvertTo(di, hn::IfThenElseZero(inside, x));
-  const VI j = hn::ConvertTo(di, hn::IfThenElseZero(inside, y));
-  const VI l = hn::ConvertTo(di, hn::IfThenElseZero(inside, z));
-  const VI cell =
-      hn::Add(hn::Add(i, hn::Mul(j, hn::Set(di, k.stride_j))), hn::Mul(l, hn::Set(di, k.stride_k)));
+  const VF fx = hn::Floor(x);
+  const VF fy = hn::Floor(y);
+  const VF fz = hn::Floor(z);
+  const VI row = whole(hn::MulAdd(fz, hn::Set(df, k.rows), fy));
+  const VI cell = hn::IfThenElseZero(hn::RebindMask(di, inside),
+                                     hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j))));
   const auto first =
       hn::GatherIndex(du64, k.words, hn::PromoteTo(di64, hn::LowerHalf(di_half, cell)));
   const auto second =
@@ -130,9 +137,9 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   return {inside,
           hn::ConcatEven(du, hn::BitCast(du, second), hn::BitCast(du, first)),
           hn::ConcatOdd(du, hn::BitCast(du, second), hn::BitCast(du, first)),
-          hn::Sub(x, hn::ConvertTo(df, i)),
-          hn::Sub(y, hn::ConvertTo(df, j)),
-          hn::Sub(z, hn::ConvertTo(df, l))};
+          hn::Sub(x, fx),
+          hn::Sub(y, fy),
+          hn::Sub(z, fz)};
 }
 
 /// Value, and gradient per voxel.
