@@ -34,8 +34,7 @@ std::vector<float> ultrasound_of(const UltrasoundPatches& us) {
 
 /// The quantile of what is a number; changes the order of `values`.
 float quantile(std::vector<float>& values, double share) {
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(
-                                        share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto nth = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), nth, values.end());
   return *nth;
 }

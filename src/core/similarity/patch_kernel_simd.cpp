@@ -53,7 +53,7 @@ struct Constants {
     }
     words = in.ct.cells().data();
     stride_j = static_cast<std::int32_t>(in.ct.cell_stride_j());
-    rows = static_cast<float>(in.ct.cell_stride_k() / in.ct.cell_stride_j());
+    rows = static_cast<float>(in.ct.grid().size.y() - 1);
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);

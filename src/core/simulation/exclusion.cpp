@@ -131,7 +131,8 @@ class Exclusion {
     for (int s = samples_ / 4; s <= samples_ * 3 / 4; ++s)
       if (std::isfinite(profile[static_cast<std::size_t>(s)]))
         inner.push_back(profile[static_cast<std::size_t>(s)]);
-    const double third_mm = axial_.depth_mm(samples_ / 3);
+    const int third = samples_ / 3;
+    const double third_mm = axial_.depth_mm(third);
     double end_mm = std::min(options_.depth.near_field_mm, third_mm);
     if (inner.empty()) return end_mm;
     const double level = median(inner);
@@ -194,12 +195,14 @@ class Exclusion {
     const int line = beam % lines;
     const int frame = beam / lines;
     std::vector<int> values;
-    values.reserve((2 * kWallNeighbours + 1) * (2 * kWallNeighbours + 1));
+    constexpr std::size_t kAcross = 2 * kWallNeighbours + 1;
+    values.reserve(kAcross * kAcross);
     for (int f = std::max(0, frame - kWallNeighbours);
          f <= std::min(us_.beams.frames - 1, frame + kWallNeighbours); ++f)
       for (int l = std::max(0, line - kWallNeighbours);
            l <= std::min(lines - 1, line + kWallNeighbours); ++l)
-        values.push_back(found[static_cast<std::size_t>(f * lines + l)]);
+        values.push_back(found[static_cast<std::size_t>(f) * static_cast<std::size_t>(lines) +
+                               static_cast<std::size_t>(l)]);
     return median(values);
   }
 

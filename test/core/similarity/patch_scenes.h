@@ -26,6 +26,14 @@ inline double hashed(std::size_t i) {
   return static_cast<double>(x >> 16);
 }
 
+/// Where a sample is in BeamUltrasound::brightness.
+inline std::size_t offset_of(const BeamGrid& beams, int sample, int line, int frame) {
+  return (static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
+          static_cast<std::size_t>(line)) *
+             static_cast<std::size_t>(beams.samples()) +
+         static_cast<std::size_t>(sample);
+}
+
 /// Waves with a period of several voxels, in oblique directions.
 inline Volume<float> wavy_ct(const Grid& grid) {
   Volume<float> ct(grid);
@@ -72,8 +80,7 @@ inline Seen seen_at(const BeamUltrasound& us, int sample, int line, int frame,
                     GradientChannel channel) {
   Seen seen;
   const BeamGrid& beams = us.beams;
-  seen.u = us.brightness[static_cast<std::size_t>((frame * beams.lines + line) * beams.samples() +
-                                                  sample)];
+  seen.u = us.brightness[offset_of(beams, sample, line, frame)];
   const Eigen::Vector3d index =
       ct.grid.index_from_physical(T_ct_us * beams.point(frame, line, sample));
   const Eigen::Vector3d lower = index.array().floor();
@@ -119,8 +126,7 @@ inline std::vector<std::vector<Seen>> seen_by_patches(const BeamUltrasound& us, 
           for (int l = l0; l < std::min(size.y(), l0 + edge); ++l)
             for (int s = s0; s < std::min(size.x(), s0 + edge); ++s) {
               ++places;
-              const auto i =
-                  static_cast<std::size_t>((f * us.beams.lines + l) * us.beams.samples() + s);
+              const std::size_t i = offset_of(us.beams, s, l, f);
               if (us.known.empty() || us.known[i] != 0)
                 patch.push_back(seen_at(us, s, l, f, ct, T_ct_us, channel));
             }

@@ -103,6 +103,7 @@ void fill_lane(StrandSums& sums, std::size_t lane, double& count, double& uu) {
   const int samples = integer(0, 20);
   const bool constant = integer(0, 5) == 0;
   std::vector<float> u;
+  u.reserve(static_cast<std::size_t>(samples));
   float mean = 0.0F;
   for (int i = 0; i < samples; ++i) u.push_back(static_cast<float>(uniform(-30, 30)));
   for (const float value : u) mean += value / static_cast<float>(samples);

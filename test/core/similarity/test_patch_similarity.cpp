@@ -183,6 +183,7 @@ double spline(double x) {
 /// Joint probabilities as Mattes 2003 defines them: ultrasound x CT.
 Eigen::MatrixXd joint_probabilities(const std::vector<Seen>& samples, int bins) {
   std::vector<double> sorted;
+  sorted.reserve(samples.size());
   for (const Seen& s : samples) sorted.push_back(s.u);
   std::sort(sorted.begin(), sorted.end());
   const auto last = static_cast<double>(sorted.size() - 1);
@@ -241,7 +242,7 @@ void fill_on_voxels(Case& c, const Value& value) {
   for (int f = 0; f < 16; ++f)
     for (int l = 0; l < 16; ++l)
       for (int s = 0; s < 24; ++s) {
-        const auto i = static_cast<std::size_t>((f * 16 + l) * 24 + s);
+        const std::size_t i = offset_of(c.us.beams, s, l, f);
         const auto [u, hu] = value(i);
         c.us.brightness[i] = static_cast<float>(u);
         c.ct.at(l, s, f) = static_cast<float>(hu);

@@ -76,8 +76,7 @@ RC_GTEST_PROP(UltrasoundPatches, ArePartitionsOfWhatIsKnown, ()) {
     for (const std::size_t place : in) {
       const Eigen::Vector3i at = places.at(position_at(patches, place));
       box.insert({at.x() / edge, at.y() / edge, at.z() / edge});
-      const auto i = static_cast<std::size_t>(
-          (at.z() * us.beams.lines + at.y()) * us.beams.samples() + at.x());
+      const std::size_t i = offset_of(us.beams, at.x(), at.y(), at.z());
       RC_ASSERT((us.known.empty() || us.known[i] != 0));
       const double value = static_cast<double>(patches.value[place]);
       RC_ASSERT(std::abs(value + patch.mean - us.brightness[i]) < 1e-4);
@@ -160,7 +159,7 @@ TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
   us.known.assign(us.brightness.size(), 255);
   for (int l = 0; l < 4; ++l)
     for (int s = 0; s < 3; ++s)
-      for (int f = 0; f < 4; ++f) us.known[static_cast<std::size_t>((f * 4 + l) * 8 + s)] = 0;
+      for (int f = 0; f < 4; ++f) us.known[offset_of(us.beams, s, l, f)] = 0;
   PatchOptions options = cubes(4.0);
   options.least_share = 0.25;
   EXPECT_EQ(cut_into_patches(us, options).patches.size(), 2U);
@@ -168,7 +167,7 @@ TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
   EXPECT_EQ(cut_into_patches(us, options).patches.size(), 1U);
   us.known.clear();
   for (int beam = 0; beam < 16; ++beam)
-    for (int s = 4; s < 8; ++s) us.brightness[static_cast<std::size_t>(beam * 8 + s)] = 77.7F;
+    for (int s = 4; s < 8; ++s) us.brightness[offset_of(us.beams, s, beam % 4, beam / 4)] = 77.7F;
   const UltrasoundPatches patches = cut_into_patches(us, cubes(4.0));
   ASSERT_EQ(patches.patches.size(), 1U);
   EXPECT_EQ(patches.count, 64U);

@@ -18,7 +18,10 @@ BeamGrid fan() {
 }
 
 std::size_t at(const BeamGrid& beams, int sample, int line, int frame) {
-  return static_cast<std::size_t>((frame * beams.lines + line) * beams.samples() + sample);
+  return (static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
+          static_cast<std::size_t>(line)) *
+             static_cast<std::size_t>(beams.samples()) +
+         static_cast<std::size_t>(sample);
 }
 
 /// Smooth structure and noise, with holes.
