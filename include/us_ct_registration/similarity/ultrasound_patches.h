@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/similarity/large_pages.h"
 #include "us_ct_registration/simulation/conditioning.h"
 
 namespace usct {
@@ -52,11 +53,11 @@ struct UltrasoundPatches {
   };
 
   /// Per sample: position in the US frame, mm, and ultrasound minus the mean of its patch.
-  std::vector<float> x_mm, y_mm, z_mm, value;
+  LargeVector<float> x_mm, y_mm, z_mm, value;
   /// Per sample: unit direction of its beam in the US frame, and its depth, mm.
-  std::vector<float> direction_x, direction_y, direction_z, depth_mm;
+  LargeVector<float> direction_x, direction_y, direction_z, depth_mm;
   /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
-  std::vector<float> sweep_x, sweep_y, sweep_z;
+  LargeVector<float> sweep_x, sweep_y, sweep_z;
   std::vector<Block> blocks;
   /// Those with more samples first, in the order of the ultrasound where they have as many. Those
   /// of one strand begin with the lanes of `blocks[first_single_block]`, one lane each.

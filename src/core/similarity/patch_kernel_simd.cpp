@@ -94,8 +94,8 @@ HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_
                      VF& z) {
   const VF along = hn::Mul(hn::Set(df, k.depth_error), hn::LoadU(df, us.depth_mm.data() + s));
   const VF sweep = hn::Set(df, k.sweep_error);
-  const auto moved = [&](VF p, const std::vector<float>& direction,
-                         const std::vector<float>& motion) HWY_ATTR {
+  const auto moved = [&](VF p, const LargeVector<float>& direction,
+                         const LargeVector<float>& motion) HWY_ATTR {
     return hn::MulAdd(along, hn::LoadU(df, direction.data() + s),
                       hn::MulAdd(sweep, hn::LoadU(df, motion.data() + s), p));
   };

@@ -253,8 +253,8 @@ class Cutter {
   }
 
   void put(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
-    const auto set = [place](const Vector3d& vector, std::vector<float>& x, std::vector<float>& y,
-                             std::vector<float>& z) {
+    const auto set = [place](const Vector3d& vector, LargeVector<float>& x, LargeVector<float>& y,
+                             LargeVector<float>& z) {
       x[place] = static_cast<float>(vector.x());
       y[place] = static_cast<float>(vector.y());
       z[place] = static_cast<float>(vector.z());
