@@ -2,8 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <vector>
 
+#include "us_ct_registration/similarity/large_pages.h"
 #include "us_ct_registration/simulation/hu_window.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -24,7 +24,7 @@ class PackedCt {
 
   /// Of the voxels; there is one cell less along each axis.
   const Grid& grid() const { return grid_; }
-  const std::vector<std::uint64_t>& cells() const { return cells_; }
+  const LargeVector<std::uint64_t>& cells() const { return cells_; }
   std::size_t cell_stride_j() const { return stride_j_; }
   std::size_t cell_stride_k() const { return stride_k_; }
   /// HU per step of a byte.
@@ -38,7 +38,7 @@ class PackedCt {
   std::size_t stride_k_ = 0;
   double step_hu_ = 0.0;
   double background_ = 0.0;
-  std::vector<std::uint64_t> cells_;
+  LargeVector<std::uint64_t> cells_;
 };
 
 }  // namespace usct

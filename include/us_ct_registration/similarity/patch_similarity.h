@@ -19,12 +19,14 @@ enum class SimilarityKind {
   kGlobalLc2,
   /// Normalised cross-correlation of ultrasound and CT value, over all samples; [-1, 1].
   kNcc,
-  /// Mutual information of ultrasound and CT value, cubic B-spline Parzen windows (Mattes 2003),
-  /// nats.
+  /// Mutual information of ultrasound and CT value over all samples, from a joint histogram with
+  /// cubic B-spline Parzen windows along the CT value (Mattes 2003); nats, >= 0.
   kMattesMi,
-  /// Normalised mutual information (Studholme 1999), (H(U) + H(CT)) / H(U, CT); [1, 2].
+  /// Normalised mutual information (Studholme 1999), (H(U) + H(CT)) / H(U, CT), of the same
+  /// histogram; [1, 2].
   kNmi,
-  /// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998); [0, 1].
+  /// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998), CT values shared
+  /// between the two nearest bins; [0, 1].
   kCorrelationRatio,
   /// The same given the CT value and its gradient's magnitude together: how much of the
   /// ultrasound's
@@ -63,7 +65,9 @@ struct SimilarityOptions {
   /// Of kLocalLc2: patches contribute the explained share to this power; [0.25, 8]. Chance explains
   /// a little of every patch, true structure much of a few: above 1 the few count.
   double power = 2.0;
-  /// Of the histograms of kMattesMi, kNmi and kCorrelationRatio, per image; [8, 128].
+  /// Of the histograms of kMattesMi, kNmi and kCorrelationRatio, per image; [8, 128]. Those of the
+  /// CT divide its window, those of the ultrasound what lies between its 0.5th and 99.5th
+  /// percentiles.
   int bins = 32;
   /// Of kJointCorrelationRatio: knots along the gradient (those along the CT value are `bins`), [2,
   /// 32], and the gradient in the middle of them.

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/similarity/large_pages.h"
 #include "us_ct_registration/simulation/conditioning.h"
 
 namespace usct {
@@ -28,29 +29,41 @@ struct PatchOptions {
   void validate(const std::string& source = "patch options") const;
 };
 
-/// The samples of ultrasound that count, patch by patch, ready for kernels.
+/// The samples of ultrasound that count, patch by patch, laid out for vector instructions: each
+/// lane works through a *strand*, up to kLongestStrand samples of one patch, and kLanes strands lie
+/// side by side in a *block*. So small patches need no sums across lanes, and no filling up but at
+/// the ends of strands that are shorter than the longest of their block.
 struct UltrasoundPatches {
-  /// Each patch begins at a multiple of this many samples; what is left over is filled with samples
-  /// at `kNowhere` whose value is 0.
-  static constexpr std::size_t kAlignment = 16;
+  static constexpr std::size_t kLanes = 16;
+  static constexpr std::size_t kLongestStrand = 128;
+  /// Position of what fills up, whose value is 0.
   static constexpr float kNowhere = 1e30F;
 
   struct Patch {
-    std::size_t begin = 0;
     std::size_t count = 0;    // samples that count
     double mean = 0.0;        // of the ultrasound in it
     double square_sum = 0.0;  // of the ultrasound minus its mean
-    std::size_t padded() const { return (count + kAlignment - 1) / kAlignment * kAlignment; }
+    std::size_t first_strand = 0;
+    std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
+  };
+  /// Sample r of strand `kLanes * b + lane` is at `blocks[b].begin + kLanes * r + lane`.
+  struct Block {
+    std::size_t begin = 0;
+    std::size_t rows = 0;
   };
 
   /// Per sample: position in the US frame, mm, and ultrasound minus the mean of its patch.
-  std::vector<float> x_mm, y_mm, z_mm, value;
-  /// Per sample: unit direction of its beam in the US frame, and its depth, mm. At a depth error of
-  /// e the sample lies at depth / (1 + e).
-  std::vector<float> direction_x, direction_y, direction_z, depth_mm;
+  LargeVector<float> x_mm, y_mm, z_mm, value;
+  /// Per sample: unit direction of its beam in the US frame, and its depth, mm.
+  LargeVector<float> direction_x, direction_y, direction_z, depth_mm;
   /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
-  std::vector<float> sweep_x, sweep_y, sweep_z;
+  LargeVector<float> sweep_x, sweep_y, sweep_z;
+  std::vector<Block> blocks;
+  /// Those with more samples first, in the order of the ultrasound where they have as many. Those
+  /// of one strand begin with the lanes of `blocks[first_single_block]`, one lane each.
   std::vector<Patch> patches;
+  std::size_t first_single_block = 0;
+  std::size_t first_single_patch = 0;
   /// Samples that count, in all patches.
   std::size_t count = 0;
 };

@@ -1,9 +1,10 @@
 #include "us_ct_registration/similarity/ultrasound_patches.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <utility>
 
+#include "parallel.h"
 #include "simulation/require.h"
 
 namespace usct {
@@ -15,45 +16,69 @@ using Eigen::Vector3i;
 /// Deviation over which ultrasound (in units of its own deviation) is taken for constant.
 constexpr double kLeastDeviation = 1e-4;
 
-/// How far and whereto frames move if the sweep is longer than recorded. The parameter along the
-/// sweep is the path of the middle of the field, smoothed since tracked poses jitter.
+constexpr std::size_t kLanes = UltrasoundPatches::kLanes;
+
+/// How far and whereto frames move if the sweep is longer than recorded: the tangent of the path of
+/// each beam, times how far its frame is from the middle of the sweep. Where along the sweep a
+/// frame is says the path of the middle of the field, smoothed since tracked poses jitter.
 class SweepMotion {
  public:
   explicit SweepMotion(const BeamGrid& beams)
-      : beams_(beams), window_(std::max(1, beams.frames / 10)) {
-    std::vector<Vector3d> centres;
-    for (int f = 0; f < beams.frames; ++f) centres.push_back(smoothed_centre(f));
+      : beams_(beams),
+        window_(std::clamp(beams.frames / 10, 1, std::max(1, beams.frames / 2 - 1))) {
     path_mm_.push_back(0.0);
-    for (std::size_t f = 1; f < centres.size(); ++f)
-      path_mm_.push_back(path_mm_.back() + (centres[f] - centres[f - 1]).norm());
+    for (int f = 1; f < beams.frames; ++f)
+      path_mm_.push_back(path_mm_.back() + (smoothed_centre(f) - smoothed_centre(f - 1)).norm());
+    for (int f = 0; f < beams.frames; ++f) tangents_.push_back(tangent(f));
   }
 
-  /// Motion per unit of error, mm.
-  Vector3d operator()(int frame, int line, int sample) const {
-    const int before = std::max(0, frame - window_);
-    const int after = std::min(beams_.frames - 1, frame + window_);
-    const double step_mm = path_mm(after) - path_mm(before);
-    if (!(step_mm > 0.0)) return Vector3d::Zero();
+  /// Motion of a beam's origin and direction per unit of error, mm.
+  Beam operator()(int frame, int line) const {
+    Beam motion{Vector3d::Zero(), Vector3d::Zero()};
     const double from_middle_mm = path_mm(frame) - 0.5 * path_mm_.back();
-    return from_middle_mm / step_mm *
-           (beams_.point(after, line, sample) - beams_.point(before, line, sample));
+    for (const auto& [other, per_mm] : tangents_[static_cast<std::size_t>(frame)]) {
+      const Beam& beam = beams_.beam(other, line);
+      motion.origin_mm += from_middle_mm * per_mm * beam.origin_mm;
+      motion.direction += from_middle_mm * per_mm * beam.direction;
+    }
+    return motion;
   }
 
  private:
+  /// What makes a derivative by the path of values at frames: their weights, 1/mm.
+  using Tangent = std::vector<std::pair<int, double>>;
+
   double path_mm(int frame) const { return path_mm_[static_cast<std::size_t>(frame)]; }
 
+  /// Over a window that shrinks towards the ends of the sweep, so that it moves as frames do.
   Vector3d smoothed_centre(int frame) const {
+    const int half = std::min({window_, frame, beams_.frames - 1 - frame});
     Vector3d sum = Vector3d::Zero();
-    const int first = std::max(0, frame - window_);
-    const int last = std::min(beams_.frames - 1, frame + window_);
-    for (int f = first; f <= last; ++f)
+    for (int f = frame - half; f <= frame + half; ++f)
       sum += beams_.point(f, beams_.lines / 2, 0.5 * beams_.samples());
-    return sum / (last - first + 1);
+    return sum / (2 * half + 1);
+  }
+
+  /// Of the parabola through three frames about this one, or nearest to it at the ends of the
+  /// sweep; a straight line where there are not three. None where nothing moves.
+  Tangent tangent(int frame) const {
+    const int last = beams_.frames - 1;
+    const int margin = std::min(window_, last / 2);
+    const int middle = std::clamp(frame, margin, last - margin);
+    const int a = std::max(0, middle - window_);
+    const int c = std::min(last, middle + window_);
+    const double at = path_mm(frame), at_a = path_mm(a), at_b = path_mm(middle), at_c = path_mm(c);
+    if (!(at_c > at_a)) return {};
+    if (!(at_b > at_a && at_c > at_b)) return {{a, -1.0 / (at_c - at_a)}, {c, 1.0 / (at_c - at_a)}};
+    return {{a, (2.0 * at - at_b - at_c) / ((at_a - at_b) * (at_a - at_c))},
+            {middle, (2.0 * at - at_a - at_c) / ((at_b - at_a) * (at_b - at_c))},
+            {c, (2.0 * at - at_a - at_b) / ((at_c - at_a) * (at_c - at_b))}};
   }
 
   const BeamGrid& beams_;
-  int window_;
+  int window_;  // frames, to either side
   std::vector<double> path_mm_;
+  std::vector<Tangent> tangents_;
 };
 
 /// Samples, lines and frames along each edge of a patch.
@@ -80,88 +105,172 @@ Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
 class Cutter {
  public:
   Cutter(const BeamUltrasound& ultrasound, const PatchOptions& options)
-      : us_(ultrasound), options_(options), motion_(ultrasound.beams) {}
+      : us_(ultrasound),
+        size_(patch_size(ultrasound.beams, options)),
+        least_share_(options.least_share) {}
 
   UltrasoundPatches run() {
-    const BeamGrid& beams = us_.beams;
-    const Vector3i size = patch_size(beams, options_);
-    for (int f = 0; f < beams.frames; f += size.z())
-      for (int l = 0; l < beams.lines; l += size.y())
-        for (int s = 0; s < beams.samples(); s += size.x())
-          add_patch({s, l, f},
-                    {std::min(s + size.x(), beams.samples()), std::min(l + size.y(), beams.lines),
-                     std::min(f + size.z(), beams.frames)});
+    choose();
+    lay_out();
+    allocate();
+    const SweepMotion motion(us_.beams);
+    std::vector<Beam> motions;
+    motions.reserve(us_.beams.beams.size());
+    for (int f = 0; f < us_.beams.frames; ++f)
+      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back(motion(f, l));
+    constexpr std::size_t kAtOnce = 64;
+    const std::size_t count = boxes_.size();
+    parallel_for(static_cast<int>((count + kAtOnce - 1) / kAtOnce), [&](int part) {
+      const std::size_t first = static_cast<std::size_t>(part) * kAtOnce;
+      for (std::size_t p = first; p < std::min(count, first + kAtOnce); ++p) fill(p, motions);
+    });
     return std::move(result_);
   }
 
  private:
-  struct Place {
-    int sample, line, frame;
-    std::size_t offset;
+  struct Box {
+    Vector3i begin, end;  // samples, lines, frames
+    UltrasoundPatches::Patch patch;
   };
 
-  void add_patch(const Vector3i& begin, const Vector3i& end) {
-    inside_.clear();
-    for (int f = begin.z(); f < end.z(); ++f)
-      for (int l = begin.y(); l < end.y(); ++l)
-        for (int s = begin.x(); s < end.x(); ++s) {
-          const std::size_t offset =
-              (static_cast<std::size_t>(f) * static_cast<std::size_t>(us_.beams.lines) +
-               static_cast<std::size_t>(l)) *
-                  static_cast<std::size_t>(us_.beams.samples()) +
-              static_cast<std::size_t>(s);
-          if (us_.known.empty() || us_.known[offset] != 0) inside_.push_back({s, l, f, offset});
+  std::size_t beam_index(int frame, int line) const {
+    return static_cast<std::size_t>(frame) * static_cast<std::size_t>(us_.beams.lines) +
+           static_cast<std::size_t>(line);
+  }
+
+  /// Calls visit(beam, sample, offset) for what is known.
+  template <typename Visit>
+  void for_known(const Box& box, const Visit& visit) const {
+    for (int f = box.begin.z(); f < box.end.z(); ++f)
+      for (int l = box.begin.y(); l < box.end.y(); ++l) {
+        const std::size_t beam = beam_index(f, l);
+        const std::size_t start = beam * static_cast<std::size_t>(us_.beams.samples());
+        for (int s = box.begin.x(); s < box.end.x(); ++s) {
+          const std::size_t offset = start + static_cast<std::size_t>(s);
+          if (us_.known.empty() || us_.known[offset] != 0) visit(beam, s, offset);
         }
-    const double places = (end - begin).cast<double>().prod();
-    if (inside_.size() < 2 || static_cast<double>(inside_.size()) < options_.least_share * places)
-      return;
-    UltrasoundPatches::Patch patch{result_.value.size(), inside_.size(), 0.0, 0.0};
-    for (const Place& place : inside_) patch.mean += us_.brightness[place.offset];
-    patch.mean /= static_cast<double>(patch.count);
-    for (const Place& place : inside_) {
-      const double difference = us_.brightness[place.offset] - patch.mean;
+      }
+  }
+
+  /// The boxes that count, and the statistics of their ultrasound.
+  void choose() {
+    const Vector3i all(us_.beams.samples(), us_.beams.lines, us_.beams.frames);
+    const int layers = (all.z() + size_.z() - 1) / size_.z();
+    std::vector<std::vector<Box>> chosen(static_cast<std::size_t>(layers));
+    parallel_for(layers, [&](int layer) {
+      const int f = layer * size_.z();
+      for (int l = 0; l < all.y(); l += size_.y())
+        for (int s = 0; s < all.x(); s += size_.x()) {
+          const Vector3i begin(s, l, f);
+          Box box{begin, (begin + size_).cwiseMin(all), {}};
+          if (counts(box)) chosen[static_cast<std::size_t>(layer)].push_back(box);
+        }
+    });
+    for (const std::vector<Box>& boxes : chosen)
+      boxes_.insert(boxes_.end(), boxes.begin(), boxes.end());
+    std::stable_sort(boxes_.begin(), boxes_.end(),
+                     [](const Box& a, const Box& b) { return a.patch.count > b.patch.count; });
+  }
+
+  bool counts(Box& box) const {
+    UltrasoundPatches::Patch& patch = box.patch;
+    for_known(box, [&](std::size_t, int, std::size_t offset) {
+      patch.mean += us_.brightness[offset];
+      ++patch.count;
+    });
+    const auto count = static_cast<double>(patch.count);
+    if (patch.count < 2 || count < least_share_ * (box.end - box.begin).cast<double>().prod())
+      return false;
+    patch.mean /= count;
+    for_known(box, [&](std::size_t, int, std::size_t offset) {
+      const double difference = us_.brightness[offset] - patch.mean;
       patch.square_sum += difference * difference;
+    });
+    return patch.square_sum > kLeastDeviation * kLeastDeviation * count;
+  }
+
+  /// Strands and blocks.
+  void lay_out() {
+    std::vector<std::size_t> lengths;  // of the strands
+    const auto next_block = [&] {
+      lengths.resize((lengths.size() + kLanes - 1) / kLanes * kLanes);
+    };
+    for (Box& box : boxes_) {
+      const bool single = box.patch.count <= UltrasoundPatches::kLongestStrand;
+      if (!single) ++result_.first_single_patch;
+      if (single && result_.first_single_patch == result_.patches.size()) {
+        next_block();
+        result_.first_single_block = lengths.size() / kLanes;
+      }
+      box.patch.first_strand = lengths.size();
+      result_.count += box.patch.count;
+      result_.patches.push_back(box.patch);
+      const std::size_t strands = box.patch.strands();
+      for (std::size_t i = 0; i < strands; ++i)
+        lengths.push_back((i + 1) * box.patch.count / strands - i * box.patch.count / strands);
     }
-    if (patch.square_sum <= kLeastDeviation * kLeastDeviation * static_cast<double>(patch.count))
-      return;
-    for (const Place& place : inside_) add_sample(place, patch.mean);
-    fill_up(patch);
-    result_.count += patch.count;
-    result_.patches.push_back(patch);
+    next_block();
+    if (result_.first_single_patch == result_.patches.size())
+      result_.first_single_block = lengths.size() / kLanes;
+    std::size_t begin = 0;
+    for (auto lane = lengths.begin(); lane != lengths.end(); lane += kLanes) {
+      const std::size_t rows = *std::max_element(lane, lane + kLanes);
+      result_.blocks.push_back({begin, rows});
+      begin += rows * kLanes;
+    }
+    size_in_memory_ = begin;
   }
 
-  void add_sample(const Place& place, double mean) {
-    const Beam& beam = us_.beams.beam(place.frame, place.line);
-    const double depth_mm = us_.beams.axial.depth_mm(place.sample);
-    push(beam.origin_mm + depth_mm * beam.direction, result_.x_mm, result_.y_mm, result_.z_mm);
-    push(beam.direction, result_.direction_x, result_.direction_y, result_.direction_z);
-    push(motion_(place.frame, place.line, place.sample), result_.sweep_x, result_.sweep_y,
-         result_.sweep_z);
-    result_.depth_mm.push_back(static_cast<float>(depth_mm));
-    result_.value.push_back(static_cast<float>(us_.brightness[place.offset] - mean));
-  }
-
-  void fill_up(const UltrasoundPatches::Patch& patch) {
-    const std::size_t size = patch.begin + patch.padded();
+  void allocate() {
     for (auto* values : {&result_.x_mm, &result_.y_mm, &result_.z_mm})
-      values->resize(size, UltrasoundPatches::kNowhere);
+      values->assign(size_in_memory_, UltrasoundPatches::kNowhere);
     for (auto* values :
          {&result_.direction_x, &result_.direction_y, &result_.direction_z, &result_.sweep_x,
           &result_.sweep_y, &result_.sweep_z, &result_.depth_mm, &result_.value})
-      values->resize(size, 0.0F);
+      values->assign(size_in_memory_, 0.0F);
   }
 
-  static void push(const Vector3d& vector, std::vector<float>& x, std::vector<float>& y,
-                   std::vector<float>& z) {
-    x.push_back(static_cast<float>(vector.x()));
-    y.push_back(static_cast<float>(vector.y()));
-    z.push_back(static_cast<float>(vector.z()));
+  void fill(std::size_t p, const std::vector<Beam>& motions) {
+    const UltrasoundPatches::Patch& patch = result_.patches[p];
+    const std::size_t strands = patch.strands();
+    std::size_t strand = 0;
+    std::size_t first = 0;  // of the strand's samples
+    std::size_t next = patch.count / strands;
+    std::size_t i = 0;
+    for_known(boxes_[p], [&](std::size_t beam, int sample, std::size_t offset) {
+      if (i == next) {
+        ++strand;
+        first = next;
+        next = (strand + 1) * patch.count / strands;
+      }
+      const std::size_t lane = patch.first_strand + strand;
+      const std::size_t place =
+          result_.blocks[lane / kLanes].begin + (i - first) * kLanes + lane % kLanes;
+      put(place, us_.beams.beams[beam], motions[beam], us_.beams.axial.depth_mm(sample));
+      result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
+      ++i;
+    });
+  }
+
+  void put(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
+    const auto set = [place](const Vector3d& vector, LargeVector<float>& x, LargeVector<float>& y,
+                             LargeVector<float>& z) {
+      x[place] = static_cast<float>(vector.x());
+      y[place] = static_cast<float>(vector.y());
+      z[place] = static_cast<float>(vector.z());
+    };
+    set(beam.origin_mm + depth_mm * beam.direction, result_.x_mm, result_.y_mm, result_.z_mm);
+    set(beam.direction, result_.direction_x, result_.direction_y, result_.direction_z);
+    set(motion.origin_mm + depth_mm * motion.direction, result_.sweep_x, result_.sweep_y,
+        result_.sweep_z);
+    result_.depth_mm[place] = static_cast<float>(depth_mm);
   }
 
   const BeamUltrasound& us_;
-  const PatchOptions& options_;
-  SweepMotion motion_;
-  std::vector<Place> inside_;
+  Vector3i size_;
+  double least_share_;
+  std::vector<Box> boxes_;
+  std::size_t size_in_memory_ = 0;
   UltrasoundPatches result_;
 };
 

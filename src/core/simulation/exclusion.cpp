@@ -1,6 +1,7 @@
 #include "simulation/exclusion.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -22,7 +23,9 @@ constexpr int kWallNeighbours = 4;  // to either side, lines and frames
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-double median(std::vector<double> values) {
+/// Changes their order.
+template <typename Value>
+Value median(std::vector<Value>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -71,23 +74,41 @@ class Exclusion {
       if (is_known(i)) soft_[i] /= weight[i];
   }
 
-  /// Per sample over the beams that know it; not a number where none does.
-  template <typename Statistic>
-  std::vector<double> over_beams(const Statistic& statistic) const {
+  /// What is usual at a depth: the median over the beams that know it; not a number where none
+  /// does.
+  std::vector<double> usual_grey() const {
+    constexpr int kAtOnce = 16;  // samples: what lies side by side in memory
     std::vector<double> result(static_cast<std::size_t>(samples_));
-    parallel_for(samples_, [&](int s) {
-      std::vector<double> values;
+    parallel_for((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
+      const int first = part * kAtOnce;
+      const int last = std::min(samples_, first + kAtOnce);
+      std::array<std::vector<float>, kAtOnce> values;
+      for (std::vector<float>& column : values) column.reserve(static_cast<std::size_t>(beams_));
       for (int beam = 0; beam < beams_; ++beam)
-        if (is_known(at(beam, s))) values.push_back(soft_[at(beam, s)]);
-      result[static_cast<std::size_t>(s)] =
-          values.empty() ? std::numeric_limits<double>::quiet_NaN() : statistic(values);
+        for (int s = first; s < last; ++s)
+          if (is_known(at(beam, s)))
+            values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
+      for (int s = first; s < last; ++s) {
+        std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
+        result[static_cast<std::size_t>(s)] =
+            column.empty() ? std::numeric_limits<double>::quiet_NaN() : median(column);
+      }
     });
     return result;
   }
 
-  /// What is usual at a depth.
-  std::vector<double> usual_grey() const {
-    return over_beams([](const std::vector<double>& values) { return median(values); });
+  /// Mean over the beams, likewise.
+  std::vector<double> mean_grey() const {
+    std::vector<double> sum(static_cast<std::size_t>(samples_));
+    std::vector<double> count(sum.size());
+    for (int beam = 0; beam < beams_; ++beam)
+      for (int s = 0; s < samples_; ++s)
+        if (is_known(at(beam, s))) {
+          sum[static_cast<std::size_t>(s)] += soft_[at(beam, s)];
+          count[static_cast<std::size_t>(s)] += 1.0;
+        }
+    for (std::size_t s = 0; s < sum.size(); ++s) sum[s] /= count[s];
+    return sum;
   }
 
   void find_depths() {
@@ -105,16 +126,13 @@ class Exclusion {
   }
 
   double near_field_end_mm() const {
-    const std::vector<double> profile = over_beams([](const std::vector<double>& values) {
-      double sum = 0.0;
-      for (const double value : values) sum += value;
-      return sum / static_cast<double>(values.size());
-    });
+    const std::vector<double> profile = mean_grey();
     std::vector<double> inner;
     for (int s = samples_ / 4; s <= samples_ * 3 / 4; ++s)
       if (std::isfinite(profile[static_cast<std::size_t>(s)]))
         inner.push_back(profile[static_cast<std::size_t>(s)]);
-    const double third_mm = axial_.depth_mm(samples_ / 3);
+    const int third = samples_ / 3;
+    const double third_mm = axial_.depth_mm(third);
     double end_mm = std::min(options_.depth.near_field_mm, third_mm);
     if (inner.empty()) return end_mm;
     const double level = median(inner);
@@ -137,6 +155,7 @@ class Exclusion {
     std::vector<int> found(wall_.size());
     parallel_for(
         beams_, [&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
+    if (std::all_of(found.begin(), found.end(), [&](int s) { return s == samples_; })) return;
     parallel_for(beams_, [&](int beam) {
       wall_[static_cast<std::size_t>(beam)] = median_around(found, beam);
     });
@@ -152,6 +171,7 @@ class Exclusion {
   /// that decile is already the wall's.
   double wall_grey() const {
     std::vector<float> values;
+    values.reserve(soft_.size() * 2 / 3);
     for (int beam = 0; beam < beams_; ++beam)
       for (int s = 0; s < samples_ * 2 / 3; ++s)
         if (is_known(at(beam, s)) && axial_.depth_mm(s) >= result_.min_depth_mm)
@@ -174,13 +194,16 @@ class Exclusion {
     const int lines = us_.beams.lines;
     const int line = beam % lines;
     const int frame = beam / lines;
-    std::vector<double> values;
+    std::vector<int> values;
+    constexpr std::size_t kAcross = 2 * kWallNeighbours + 1;
+    values.reserve(kAcross * kAcross);
     for (int f = std::max(0, frame - kWallNeighbours);
          f <= std::min(us_.beams.frames - 1, frame + kWallNeighbours); ++f)
       for (int l = std::max(0, line - kWallNeighbours);
            l <= std::min(lines - 1, line + kWallNeighbours); ++l)
-        values.push_back(found[static_cast<std::size_t>(f * lines + l)]);
-    return static_cast<int>(median(std::move(values)));
+        values.push_back(found[static_cast<std::size_t>(f) * static_cast<std::size_t>(lines) +
+                               static_cast<std::size_t>(l)]);
+    return median(values);
   }
 
   bool is_judged(int beam, int sample, const std::vector<double>& usual) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "us_ct_registration/geometry/beam_grid.h"
@@ -8,6 +9,11 @@ namespace usct {
 
 /// Sums under a Gaussian window in millimetres around each sample of a beam grid. Not normalised:
 /// divide the sums of masked values by those of the mask.
+///
+/// Windows much wider than the spacing of samples, lines or frames are summed over blocks of them,
+/// and interpolated trilinearly between the blocks' middles; they are narrowed by what the blocks
+/// and the interpolation widen them. The standard deviation of the window is so kept on the average
+/// over a block, and within it to 8 %, at worst.
 class GaussianSums {
  public:
   GaussianSums(const BeamGrid& beams, double sigma_mm);
@@ -16,22 +22,38 @@ class GaussianSums {
   std::vector<float> operator()(const std::vector<float>& values) const;
 
  private:
-  /// Where the rows (lines, or frames) lie along a path across them, at each sample: mm.
-  using Positions = std::vector<std::vector<float>>;
+  /// The blocks along an axis. If they are larger than 1 there is an empty one beyond either end.
+  struct Blocks {
+    int count = 0;  // of what is summed
+    int size = 1;
+    int blocks() const { return size == 1 ? count : (count + size - 1) / size + 2; }
+    int block_of(int i) const { return size == 1 ? i : i / size + 1; }
+    double middle(int block) const { return size == 1 ? block : (block - 0.5) * size - 0.5; }
+    /// The block whose middle is at or before i, and how far i is to the next.
+    void between(int i, int& block, float& share) const;
+  };
+  /// What a row (line, or frame) of blocks adds to another, sample by sample.
+  struct Tap {
+    int row = 0;
+    std::vector<float> weights;
+  };
+  using Taps = std::vector<std::vector<Tap>>;
 
-  std::vector<float> along_samples(const std::vector<float>& values) const;
-  std::vector<float> across_lines(const std::vector<float>& values) const;
+  template <typename PointAt>
+  Taps taps_across(const Blocks& rows, const PointAt& point_at) const;
+  std::vector<float> block_sums(const std::vector<float>& values) const;
+  /// Along samples and across lines.
+  std::vector<float> within_frames(const std::vector<float>& values) const;
   std::vector<float> across_frames(const std::vector<float>& values) const;
-  /// exp(-distance^2 / 2 sigma^2) per sample; false if it is 0 at all.
-  bool weights(const Positions& positions, int from, int to, std::vector<float>& result) const;
+  std::vector<float> interpolated(const std::vector<float>& sums) const;
 
-  int samples_;
-  int lines_;
-  int frames_;
-  float sigma_mm_;
-  std::vector<float> kernel_;  // along samples: [0] is the centre
-  Positions lines_mm_;
-  Positions frames_mm_;
+  double sigma_mm_;
+  Blocks samples_;
+  Blocks lines_;
+  Blocks frames_;
+  std::vector<float> kernel_;  // along samples, to either side of its middle
+  Taps line_taps_;
+  Taps frame_taps_;
 };
 
 }  // namespace usct

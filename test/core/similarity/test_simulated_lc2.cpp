@@ -1,7 +1,4 @@
 #include <gtest/gtest.h>
-// As the kernels, which are not made for it.
-#define HWY_DISABLED_TARGETS HWY_SSSE3
-#include <hwy/highway.h>
 #include <rapidcheck/gtest.h>
 
 #include <cmath>
@@ -10,29 +7,13 @@
 #include <thread>
 
 #include "core/geometry/random_geometry.h"
+#include "core/similarity/instructions.h"
 #include "core/simulation/simple_scenes.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/similarity/simulated_lc2.h"
 
 namespace usct::test {
 namespace {
-
-/// Makes the kernels run with other instructions than the best, until it goes.
-class Instructions {
- public:
-  explicit Instructions(std::int64_t target) { use(target); }
-  ~Instructions() { use(0); }
-  Instructions(const Instructions&) = delete;
-  Instructions& operator=(const Instructions&) = delete;
-
-  static std::vector<std::int64_t> all() { return hwy::SupportedAndGeneratedTargets(); }
-
- private:
-  static void use(std::int64_t target) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  }
-};
 
 /// Everything that an evaluation depends on.
 struct Case {

@@ -1,0 +1,46 @@
+#pragma once
+
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
+
+#include <cstddef>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+namespace usct {
+
+/// Memory for what is read all over: in pages of 2 MiB, if it is large and the system has them.
+/// Addresses of small pages would be looked up at nearly every access.
+template <typename T>
+struct LargePages {
+  using value_type = T;
+
+  LargePages() = default;
+  template <typename U>
+  LargePages(const LargePages<U>& /*other*/) {}  // NOLINT(google-explicit-constructor)
+
+  T* allocate(std::size_t count) {
+    constexpr std::size_t kPage = std::size_t{2} << 20;
+    constexpr std::size_t kSmall = 64;
+    std::size_t bytes = count * sizeof(T);
+    const std::size_t alignment = bytes < kPage ? kSmall : kPage;
+    bytes = (bytes + alignment - 1) / alignment * alignment;
+    void* memory = std::aligned_alloc(alignment, bytes);
+    if (memory == nullptr) throw std::bad_alloc();
+#ifdef __linux__
+    if (alignment == kPage) madvise(memory, bytes, MADV_HUGEPAGE);  // a wish: may fail
+#endif
+    return static_cast<T*>(memory);
+  }
+  void deallocate(T* memory, std::size_t /*count*/) { std::free(memory); }
+
+  friend bool operator==(const LargePages&, const LargePages&) { return true; }
+  friend bool operator!=(const LargePages&, const LargePages&) { return false; }
+};
+
+template <typename T>
+using LargeVector = std::vector<T, LargePages<T>>;
+
+}  // namespace usct

@@ -1,0 +1,135 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "us_ct_registration/similarity/packed_ct.h"
+#include "us_ct_registration/similarity/patch_similarity.h"
+#include "us_ct_registration/similarity/ultrasound_patches.h"
+
+/// The inner loops of the similarities of UltrasoundPatches and PackedCt: one pass over the
+/// samples, no intermediate volume. The scalar versions are the reference; the vector versions,
+/// chosen for the machine at run time (AVX-512, AVX2, SSE, NEON), are held to them by tests.
+namespace usct {
+
+constexpr std::size_t kLanes = UltrasoundPatches::kLanes;
+
+/// `T_index_us` maps the US frame (mm) to continuous indices of the CT's grid.
+struct PatchKernelInput {
+  const PackedCt& ct;
+  const UltrasoundPatches& us;
+  Eigen::Affine3d T_index_us;
+  AcquisitionErrors errors;
+  GradientChannel channel;
+};
+
+/// Of all samples of the ultrasound.
+inline double mean_of(const UltrasoundPatches& us) {
+  double sum = 0.0;
+  for (const UltrasoundPatches::Patch& patch : us.patches)
+    sum += static_cast<double>(patch.count) * patch.mean;
+  return sum / static_cast<double>(us.count);
+}
+
+inline PatchKernelInput kernel_input(const UltrasoundPatches& us, const PackedCt& ct,
+                                     const Eigen::Isometry3d& T_ct_us,
+                                     const AcquisitionErrors& errors, GradientChannel channel) {
+  return {ct, us, ct.grid().T_index_physical() * T_ct_us, errors, channel};
+}
+
+/// Sums over each strand of a block; m is the CT value minus the background in steps of a byte
+/// (PackedCt::step_hu), g the gradient in such steps per mm, u the ultrasound minus the patch's
+/// mean. Outside the CT m = g = 0.
+struct StrandSums {
+  float inside[kLanes];  // samples in the CT
+  float m[kLanes], g[kLanes];
+  float mm[kLanes], gg[kLanes], mg[kLanes];
+  float um[kLanes], ug[kLanes];
+};
+
+/// Of the blocks [first, last); one entry each.
+void sum_strands_scalar(const PatchKernelInput& input, std::size_t first, std::size_t last,
+                        StrandSums* sums);
+void sum_strands_simd(const PatchKernelInput& input, std::size_t first, std::size_t last,
+                      StrandSums* sums);
+
+/// CT values of the samples of a block (kLanes * rows), in steps of a byte; the background where
+/// they lie outside, as what fills up the block does. Returns how many lie inside.
+std::size_t sample_block_scalar(const PatchKernelInput& input, std::size_t block, float* values);
+std::size_t sample_block_simd(const PatchKernelInput& input, std::size_t block, float* values);
+
+/// Sums of ultrasound over a grid of knots in CT value (rows, evenly over the bytes) and gradient
+/// (columns, evenly in t = g / (g + scale) from 0 to 1, since steep gradients are rare and echo
+/// alike). A sample is shared by the four knots around it, bilinearly, so that the sums are
+/// continuous in the pose.
+struct JointSums {
+  /// Neighbouring samples often share a knot: each has a table of its own, so that one need not
+  /// wait for the other's sum.
+  static constexpr std::size_t kTables = 4;
+
+  JointSums(int rows_in, int columns_in, double gradient_scale_in)
+      : rows(rows_in),
+        columns(columns_in),
+        gradient_scale(static_cast<float>(gradient_scale_in)),
+        tables(kTables * table_size()) {}
+
+  std::size_t table_size() const {
+    return 2 * static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns);
+  }
+  /// Over all tables: of a knot's ultrasound (0) or samples (1).
+  double total(std::size_t knot, std::size_t which) const {
+    double sum = 0.0;
+    for (std::size_t t = 0; t < kTables; ++t)
+      sum += static_cast<double>(tables[t * table_size() + 2 * knot + which]);
+    return sum;
+  }
+
+  int rows;
+  int columns;
+  float gradient_scale;       // steps of a byte per mm
+  std::vector<float> tables;  // per table and knot: ultrasound, samples
+};
+
+/// Adds the samples of a block. `ultrasound` is per place of UltrasoundPatches::value, not a number
+/// where the place is only filled up. Outside the CT samples count as the background without
+/// gradient. Returns how many lie inside.
+std::size_t add_joint_scalar(const PatchKernelInput& input, std::size_t block,
+                             const float* ultrasound, JointSums& sums);
+std::size_t add_joint_simd(const PatchKernelInput& input, std::size_t block,
+                           const float* ultrasound, JointSums& sums);
+
+/// Added to variances of m and g, as a share of their mean squares: what the rounding of the sums
+/// may make of nothing.
+constexpr double kLc2Floor = 1e-6;
+
+/// How much of the ultrasound's variance CT value and gradient explain: see explained_share.
+struct Lc2Ridge {
+  double intensity = 0.0;  // steps of a byte
+  double gradient = 0.0;   // ... per mm
+  bool positive_gradient = false;
+};
+
+/// Sums over a patch (or all samples), of u, m and g as in StrandSums; `count` counts those outside
+/// the CT as well, and the sum of u is 0.
+struct PatchMoments {
+  double count = 0.0;
+  double uu = 0.0;
+  double m = 0.0, g = 0.0;
+  double mm = 0.0, gg = 0.0, mg = 0.0;
+  double um = 0.0, ug = 0.0;
+};
+
+/// Share of the variance of u that a * m + b * g + c explains, in [0, 1]; the weights minimise the
+/// squared residual plus count * ((intensity * a)^2 + (gradient * b)^2), with b >= 0 if
+/// `positive_gradient`. 0 if there is nothing to explain, or nothing to explain it with.
+double explained_share(const PatchMoments& sums, const Lc2Ridge& ridge);
+
+/// The same for one block of patches of one strand; count and uu per lane (0 in lanes without a
+/// patch).
+void explained_shares_scalar(const StrandSums& sums, const double* count, const double* uu,
+                             const Lc2Ridge& ridge, double* shares);
+void explained_shares_simd(const StrandSums& sums, const double* count, const double* uu,
+                           const Lc2Ridge& ridge, double* shares);
+
+}  // namespace usct

@@ -1,0 +1,29 @@
+#pragma once
+
+// As the kernels, which are not made for it.
+#define HWY_DISABLED_TARGETS HWY_SSSE3
+#include <hwy/highway.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace usct::test {
+
+/// Makes the kernels run with other instructions than the best, until it goes.
+class Instructions {
+ public:
+  explicit Instructions(std::int64_t target) { use(target); }
+  ~Instructions() { use(0); }
+  Instructions(const Instructions&) = delete;
+  Instructions& operator=(const Instructions&) = delete;
+
+  static std::vector<std::int64_t> all() { return hwy::SupportedAndGeneratedTargets(); }
+
+ private:
+  static void use(std::int64_t target) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+};
+
+}  // namespace usct::test

@@ -1,0 +1,487 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <functional>
+#include <numeric>
+#include <thread>
+
+#include "core/similarity/patch_scenes.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::test {
+namespace {
+
+struct Case {
+  BeamUltrasound us;
+  Volume<float> ct;
+  Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
+  SimilarityOptions options;
+  SimilarityValue value() const { return similarity_of(us, ct, options)->evaluate(T_ct_us); }
+};
+
+/// Ultrasound that the CT explains in part, cubes of 3 mm.
+Case make_case(SimilarityKind kind = SimilarityKind::kLocalLc2) {
+  Case c;
+  c.us = noisy_ultrasound(downward_beams(25, 14, 9));
+  c.ct = wavy_ct(oblique_grid({34, 36, 30}, {0.9, 1.1, 1.3}));
+  c.options.kind = kind;
+  c.options.patches = cubes(3.0);
+  std::size_t i = 0;
+  for (int f = 0; f < 9; ++f)
+    for (int l = 0; l < 14; ++l)
+      for (int s = 0; s < 25; ++s, ++i) {
+        const Seen seen = seen_at(c.us, s, l, f, c.ct, c.T_ct_us, GradientChannel::kMagnitude);
+        c.us.brightness[i] += static_cast<float>(0.2 * seen.ct_hu + 0.2 * seen.gradient);
+      }
+  return c;
+}
+
+Case random_case() {
+  Case c = make_case();
+  const auto maybe = [] { return *rc::gen::arbitrary<bool>(); };
+  c.T_ct_us = random_small_pose(1.0, 8.0);
+  if (maybe())
+    for (std::size_t i = 0; i < c.us.brightness.size(); ++i) c.us.known.push_back(hashed(i) > 9e3);
+  c.options.channel = maybe() ? GradientChannel::kMagnitude : GradientChannel::kAlongBeam;
+  c.options.patches = cubes(integer(2, 8));  // up to several strands per patch
+  c.options.ridge_intensity_hu = maybe() ? 0.0 : uniform(1.0, 60.0);
+  c.options.ridge_gradient_hu_per_mm = maybe() ? 0.0 : uniform(1.0, 60.0);
+  c.options.positive_gradient = maybe();
+  c.options.power = maybe() ? 1.0 : uniform(0.25, 4.0);
+  c.options.weighting = static_cast<PatchWeighting>(integer(0, 3));
+  c.options.scalar = maybe();
+  c.options.bins = integer(8, 65);
+  return c;
+}
+
+std::vector<std::vector<Seen>> seen_by(const Case& c) {
+  return seen_by_patches(c.us, static_cast<int>(c.options.patches.depth_mm), c.ct, c.T_ct_us,
+                         c.options.channel);
+}
+
+double mean_u(const std::vector<Seen>& samples) {
+  double sum = 0.0;
+  for (const Seen& s : samples) sum += s.u;
+  return sum / static_cast<double>(samples.size());
+}
+
+double variance_u(const std::vector<Seen>& samples) {
+  const double mean = mean_u(samples);
+  double sum = 0.0;
+  for (const Seen& s : samples) sum += (s.u - mean) * (s.u - mean);
+  return sum / static_cast<double>(samples.size());
+}
+
+/// Dense least squares of u on m, g and 1, the ridge as rows of its own.
+double explained_by_least_squares(const std::vector<Seen>& samples, const SimilarityOptions& o) {
+  const auto n = static_cast<Eigen::Index>(samples.size());
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + 2, 3);
+  Eigen::VectorXd u = Eigen::VectorXd::Zero(n + 2);
+  const double mean = mean_u(samples);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Seen& s = samples[static_cast<std::size_t>(i)];
+    A.row(i) << s.ct_hu - kBackgroundHu, s.gradient, 1.0;
+    u[i] = s.u - mean;
+  }
+  A(n, 0) = std::sqrt(double(n)) * o.ridge_intensity_hu;
+  A(n + 1, 1) = std::sqrt(double(n)) * o.ridge_gradient_hu_per_mm;
+  Eigen::VectorXd w = A.completeOrthogonalDecomposition().solve(u);
+  if (o.positive_gradient && w[1] < 0.0) {
+    A.col(1).setZero();
+    w = A.completeOrthogonalDecomposition().solve(u);
+  }
+  const double residual = (u.head(n) - A.topRows(n) * w).squaredNorm();
+  return std::clamp(1.0 - residual / u.squaredNorm(), 0.0, 1.0);
+}
+
+double weight_of(const std::vector<Seen>& patch, PatchWeighting weighting) {
+  const auto n = static_cast<double>(patch.size());
+  if (weighting == PatchWeighting::kCount) return n;
+  return n * std::pow(variance_u(patch), weighting == PatchWeighting::kVariance ? 1.0 : 0.5);
+}
+
+double local_lc2_by_least_squares(const Case& c) {
+  double sum = 0.0;
+  double weights = 0.0;
+  for (const auto& patch : seen_by(c)) {
+    const double weight = weight_of(patch, c.options.weighting);
+    sum += weight * std::pow(explained_by_least_squares(patch, c.options), c.options.power);
+    weights += weight;
+  }
+  return sum / weights;
+}
+
+double share_inside(const std::vector<Seen>& samples) {
+  double inside = 0.0;
+  for (const Seen& s : samples) inside += s.inside ? 1.0 : 0.0;
+  return inside / static_cast<double>(samples.size());
+}
+
+/// Samples on the borders of cells and of the CT may be rounded to either side.
+constexpr double kTolerance = 2e-3;
+
+RC_GTEST_PROP(PatchSimilarity, LocalLc2IsDenseLeastSquaresPerPatch, ()) {
+  const Case c = random_case();
+  const auto samples = all_of(seen_by(c));
+  RC_PRE(share_inside(samples) > 0.0);
+  const SimilarityValue value = c.value();
+  // Without ridge, patches of which only a corner lies in the CT decide by rounding.
+  const bool free =
+      c.options.ridge_intensity_hu == 0.0 || c.options.ridge_gradient_hu_per_mm == 0.0;
+  RC_ASSERT(std::abs(value.value - local_lc2_by_least_squares(c)) <
+            (free ? 5.0 : 1.0) * kTolerance);
+  RC_ASSERT(std::abs(value.overlap - share_inside(samples)) < kTolerance);
+}
+
+TEST(PatchSimilarity, LocalLc2IsDenseLeastSquaresToFiveDigits) {
+  for (const auto channel : {GradientChannel::kMagnitude, GradientChannel::kAlongBeam})
+    for (const bool positive : {false, true})
+      for (const double ridge : {0.0, 30.0})
+        for (const double edge : {3.0, 7.0}) {
+          Case c = make_case();
+          c.T_ct_us = Eigen::Translation3d(1.234, -0.567, 0.891) *
+                      Eigen::AngleAxisd(0.1, Eigen::Vector3d(1, 2, 3).normalized());
+          c.options.channel = channel;
+          c.options.positive_gradient = positive;
+          c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = ridge;
+          c.options.patches = cubes(edge);
+          EXPECT_NEAR(c.value().value, local_lc2_by_least_squares(c), 1e-5)
+              << static_cast<int>(channel) << positive << ridge << ' ' << edge;
+        }
+}
+
+RC_GTEST_PROP(PatchSimilarity, GlobalLc2IsDenseLeastSquaresOverAllSamples, ()) {
+  Case c = random_case();
+  c.options.kind = SimilarityKind::kGlobalLc2;
+  const auto samples = all_of(seen_by(c));
+  RC_PRE(share_inside(samples) > 0.05);
+  RC_ASSERT(std::abs(c.value().value - explained_by_least_squares(samples, c.options)) < 5e-4);
+}
+
+RC_GTEST_PROP(PatchSimilarity, NccIsTheCorrelationOverAllSamples, ()) {
+  Case c = random_case();
+  c.options.kind = SimilarityKind::kNcc;
+  const auto samples = all_of(seen_by(c));
+  RC_PRE(share_inside(samples) > 0.05);
+  const double mean = mean_u(samples);
+  double um = 0.0, m = 0.0, mm = 0.0;
+  for (const Seen& s : samples) m += s.ct_hu / static_cast<double>(samples.size());
+  for (const Seen& s : samples) {
+    um += (s.u - mean) * (s.ct_hu - m);
+    mm += (s.ct_hu - m) * (s.ct_hu - m);
+  }
+  const double uu = variance_u(samples) * static_cast<double>(samples.size());
+  RC_ASSERT(std::abs(c.value().value - um / std::sqrt(uu * mm)) < 5e-4);
+}
+
+double spline(double x) {
+  x = std::abs(x);
+  if (x >= 2.0) return 0.0;
+  return x < 1.0 ? (4.0 - 6.0 * x * x + 3.0 * x * x * x) / 6.0 : std::pow(2.0 - x, 3.0) / 6.0;
+}
+
+/// Joint probabilities as Mattes 2003 defines them: ultrasound x CT.
+Eigen::MatrixXd joint_probabilities(const std::vector<Seen>& samples, int bins) {
+  std::vector<double> sorted;
+  sorted.reserve(samples.size());
+  for (const Seen& s : samples) sorted.push_back(s.u);
+  std::sort(sorted.begin(), sorted.end());
+  const auto last = static_cast<double>(sorted.size() - 1);
+  const double low = sorted[static_cast<std::size_t>(std::lround(0.005 * last))];
+  const double high = sorted[static_cast<std::size_t>(std::lround(0.995 * last))];
+  Eigen::MatrixXd p = Eigen::MatrixXd::Zero(bins, bins);
+  for (const Seen& s : samples) {
+    const int row =
+        std::clamp(static_cast<int>(std::floor((s.u - low) / (high - low) * bins)), 0, bins - 1);
+    const double at =
+        2.0 + (s.ct_hu - kWindow.low_hu) / (kWindow.high_hu - kWindow.low_hu) * (bins - 4.0);
+    for (int bin = 0; bin < bins; ++bin) p(row, bin) += spline(bin - at);
+  }
+  return p / static_cast<double>(samples.size());
+}
+
+double entropy(const Eigen::MatrixXd& p) {
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < p.size(); ++i)
+    if (p(i) > 0.0) sum -= p(i) * std::log(p(i));
+  return sum;
+}
+
+RC_GTEST_PROP(PatchSimilarity, MutualInformationIsThatOfTheHistogramByDefinition, ()) {
+  Case c = random_case();
+  const auto samples = all_of(seen_by(c));
+  RC_PRE(share_inside(samples) > 0.05);
+  const Eigen::MatrixXd p = joint_probabilities(samples, c.options.bins);
+  double information = 0.0;  // Kullback-Leibler
+  for (Eigen::Index u = 0; u < p.rows(); ++u)
+    for (Eigen::Index m = 0; m < p.cols(); ++m)
+      if (p(u, m) > 0.0)
+        information += p(u, m) * std::log(p(u, m) / (p.row(u).sum() * p.col(m).sum()));
+  c.options.kind = SimilarityKind::kMattesMi;
+  RC_ASSERT(std::abs(c.value().value - information) < kTolerance);
+  c.options.kind = SimilarityKind::kNmi;
+  const double normalised = (entropy(p.rowwise().sum()) + entropy(p.colwise().sum())) / entropy(p);
+  RC_ASSERT(std::abs(c.value().value - normalised) < kTolerance);
+}
+
+/// The CT sampled at its voxels' centres: sample (s, l, f) sees exactly voxel (l, s, f).
+Case case_on_voxels(SimilarityKind kind) {
+  Case c;
+  c.us = noisy_ultrasound(downward_beams(24, 16, 16));
+  Grid grid;
+  grid.size = {17, 25, 17};
+  grid.origin_mm = c.us.beams.point(0, 0, 0);
+  c.ct = Volume<float>(grid, 0.0F);
+  c.options.kind = kind;
+  c.options.patches = PatchOptions::whole();
+  return c;
+}
+
+template <typename Value>
+void fill_on_voxels(Case& c, const Value& value) {
+  for (int f = 0; f < 16; ++f)
+    for (int l = 0; l < 16; ++l)
+      for (int s = 0; s < 24; ++s) {
+        const std::size_t i = offset_of(c.us.beams, s, l, f);
+        const auto [u, hu] = value(i);
+        c.us.brightness[i] = static_cast<float>(u);
+        c.ct.at(l, s, f) = static_cast<float>(hu);
+      }
+}
+
+TEST(PatchSimilarity, MutualInformationOfAKnownDistribution) {
+  // P(bright | low CT) = 1/4, P(bright | high CT) = 3/4, both CT levels equally often and further
+  // apart than the windows are wide.
+  const double half = std::log(2.0);
+  const double conditional = -(0.25 * std::log(0.25) + 0.75 * std::log(0.75));
+  const auto fill = [](Case& c) {
+    fill_on_voxels(c, [](std::size_t i) {
+      const bool high = i % 2 == 0;
+      const bool bright = high ? i / 2 % 4 != 0 : i / 2 % 4 == 0;
+      return std::pair(bright ? 200.0 : 10.0, high ? 300.0 : -50.0);
+    });
+  };
+  Case c = case_on_voxels(SimilarityKind::kMattesMi);
+  fill(c);
+  EXPECT_NEAR(c.value().value, half - conditional, 1e-6);
+  EXPECT_EQ(c.value().overlap, 1.0);
+  c = case_on_voxels(SimilarityKind::kNmi);
+  c.options.bins =
+      30;  // the spline about each level has the same weights: its entropy counts twice
+  fill(c);
+  const double value = c.value().value;
+  EXPECT_GT(value, 1.0);
+  EXPECT_LT(value, (half + half) / (half + conditional));  // without the windows' entropy
+}
+
+TEST(PatchSimilarity, WhatIsIndependentSharesNoInformation) {
+  for (const auto kind :
+       {SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio}) {
+    Case c = case_on_voxels(kind);
+    fill_on_voxels(c, [](std::size_t i) {  // all combinations of 6 and 16 levels equally often
+      return std::pair(10.0 * static_cast<double>(i % 6),
+                       30.0 * static_cast<double>(i / 6 % 16) - 150);
+    });
+    const double none = kind == SimilarityKind::kNmi ? 1.0 : 0.0;
+    EXPECT_NEAR(c.value().value, none, 1e-6) << kind_name(kind);
+  }
+}
+
+TEST(PatchSimilarity, CorrelationRatioIsOneWhereTheCtSaysAll) {
+  Case c = case_on_voxels(SimilarityKind::kCorrelationRatio);
+  c.options.bins = 16;  // levels at their centres: 34 HU apart
+  fill_on_voxels(c, [](std::size_t i) {
+    const double level = std::floor(hashed(i) / 4096.0);
+    return std::pair(30.0 * std::sin(2.5 * level), kWindow.low_hu + 34.0 * level);
+  });
+  EXPECT_NEAR(c.value().value, 1.0, 1e-6);
+}
+
+TEST(PatchSimilarity, CorrelationRatioIsTheVarianceOfConditionalMeans) {
+  Case c = case_on_voxels(SimilarityKind::kCorrelationRatio);
+  c.options.bins = 16;
+  fill_on_voxels(c, [](std::size_t i) {  // mean +-10 by the CT, +-20 beside it
+    return std::pair((i % 2 == 0 ? 10.0 : -10.0) + (i / 2 % 2 == 0 ? 20.0 : -20.0),
+                     i % 2 == 0 ? 20.0 : 190.0);
+  });
+  EXPECT_NEAR(c.value().value, 100.0 / 500.0, 1e-6);
+}
+
+TEST(PatchSimilarity, NoKindDependsOnGainAndOffset) {
+  for (const SimilarityKind kind : all_kinds()) {
+    const Case c = make_case(kind);
+    const double before = c.value().value;
+    EXPECT_GT(before, 0.01) << kind_name(kind);
+    for (const float gain : {0.01F, 5.0F})
+      for (const float offset : {-300.0F, 70.0F}) {
+        Case changed = c;
+        for (float& u : changed.us.brightness) u = gain * u + offset;
+        const bool binned = kind == SimilarityKind::kMattesMi || kind == SimilarityKind::kNmi;
+        EXPECT_NEAR(changed.value().value, before, binned ? 2e-3 : 2e-4)
+            << kind_name(kind) << ' ' << gain << ' ' << offset;
+      }
+  }
+}
+
+TEST(PatchSimilarity, EveryKindIsHighestWhereTheUltrasoundBelongs) {
+  for (const SimilarityKind kind : all_kinds()) {
+    const Case c = make_case(kind);
+    const auto similarity = similarity_of(c.us, c.ct, c.options);
+    const double best = similarity->evaluate(c.T_ct_us).value;
+    for (int axis = 0; axis < 3; ++axis)
+      for (const double step : {-2.0, 2.0}) {
+        Eigen::Isometry3d moved = c.T_ct_us;
+        moved.translation()[axis] += step;
+        EXPECT_LT(similarity->evaluate(moved).value, best) << kind_name(kind) << axis << step;
+      }
+  }
+}
+
+TEST(PatchSimilarity, NoTwoKindsAreTheSame) {
+  std::vector<double> values;
+  for (const SimilarityKind kind : all_kinds()) {
+    Case c = make_case(kind);
+    c.options.power = 1.0;
+    for (const double other : values) EXPECT_GT(std::abs(c.value().value - other), 1e-4);
+    values.push_back(c.value().value);
+  }
+}
+
+RC_GTEST_PROP(PatchSimilarity, PartsSumToTheValue, ()) {
+  Case c = random_case();
+  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 6))];
+  RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
+  const auto similarity = similarity_of(c.us, c.ct, c.options);
+  const AcquisitionErrors errors{uniform(-0.02, 0.02), uniform(-0.02, 0.02)};
+  const std::vector<double> parts = similarity->parts(c.T_ct_us, errors);
+  RC_ASSERT((parts.size() > 1) == (c.options.kind == SimilarityKind::kLocalLc2));
+  RC_ASSERT(std::abs(std::accumulate(parts.begin(), parts.end(), 0.0) -
+                     similarity->evaluate(c.T_ct_us, errors).value) < 1e-12);
+}
+
+TEST(PatchSimilarity, OverlapIsExactForABox) {
+  // Beams from -7.5 to 7.5 in x, 24 samples in y, 16 frames in z; the CT's first and last voxels
+  // lie half-way between samples.
+  BeamUltrasound us = noisy_ultrasound(downward_beams(24, 16, 16));
+  Grid grid;
+  grid.size = {9, 13, 5};
+  grid.origin_mm = us.beams.point(0, 0, 0) + Eigen::Vector3d(2.5, 3.5, 4.5);
+  const Volume<float> ct = wavy_ct(grid);
+  for (const SimilarityKind kind : all_kinds()) {
+    SimilarityOptions options;
+    options.kind = kind;
+    options.patches = cubes(4.0);
+    EXPECT_EQ(similarity_of(us, ct, options)->evaluate(Eigen::Isometry3d::Identity()).overlap,
+              8.0 * 12.0 * 4.0 / (24.0 * 16.0 * 16.0))
+        << kind_name(kind);
+  }
+}
+
+TEST(PatchSimilarity, OutsideTheCtThereIsNoValue) {
+  for (const SimilarityKind kind : all_kinds())
+    for (const bool scalar : {false, true}) {
+      Case c = make_case(kind);
+      c.options.scalar = scalar;
+      c.T_ct_us.translation().x() = 500.0;
+      const auto similarity = similarity_of(c.us, c.ct, c.options);
+      const SimilarityValue value = similarity->evaluate(c.T_ct_us);
+      EXPECT_TRUE(std::isnan(value.value)) << kind_name(kind);
+      EXPECT_EQ(value.overlap, 0.0) << kind_name(kind);
+      for (const double part : similarity->parts(c.T_ct_us, {})) EXPECT_TRUE(std::isnan(part));
+    }
+}
+
+RC_GTEST_PROP(PatchSimilarity, MovingCtAndPoseTogetherChangesNothing, ()) {
+  Case c = random_case();
+  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 6))];
+  c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = 20.0;
+  RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
+  const double before = c.value().value;
+  const Eigen::Isometry3d moved = random_pose(100.0);
+  c.ct.grid.direction = moved.linear() * c.ct.grid.direction;
+  c.ct.grid.origin_mm = moved * c.ct.grid.origin_mm;
+  c.T_ct_us = moved * c.T_ct_us;
+  RC_ASSERT(std::abs(c.value().value - before) < kTolerance);
+}
+
+TEST(PatchSimilarity, AConstantCtExplainsNothing) {
+  for (const double ridge : {0.0, 20.0})
+    for (const SimilarityKind kind : all_kinds()) {
+      Case c = make_case(kind);
+      std::fill(c.ct.voxels.begin(), c.ct.voxels.end(), 123.0F);
+      c.ct.grid.spacing_mm.setConstant(3.0);
+      c.ct.grid.origin_mm *= 3.0;  // nothing lies outside
+      c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = ridge;
+      EXPECT_NEAR(c.value().value, kind == SimilarityKind::kNmi ? 1.0 : 0.0, 1e-6)
+          << kind_name(kind);
+    }
+}
+
+TEST(PatchSimilarity, ErrorsOfDepthStretchTheBeams) {
+  for (const double error : {-0.05, 0.02}) {
+    Case c = make_case();
+    c.T_ct_us = Eigen::Translation3d(1.234, -0.567, 0.891);
+    Case stretched = c;
+    stretched.us.beams.axial.start_depth_mm *= 1.0 + error;
+    stretched.us.beams.axial.spacing_mm *= 1.0 + error;
+    stretched.options.patches.depth_mm *= 1.0 + error;
+    const double value =
+        similarity_of(c.us, c.ct, c.options)->evaluate(c.T_ct_us, {error, 0.0}).value;
+    EXPECT_NEAR(value, stretched.value().value, 1e-5);
+    EXPECT_GT(std::abs(value - c.value().value), 1e-3);
+  }
+}
+
+TEST(PatchSimilarity, ErrorsOfTheSweepStretchIt) {
+  for (const double error : {-0.2, 0.3}) {
+    Case c = make_case();
+    Case stretched = c;
+    for (Beam& beam : stretched.us.beams.beams) beam.origin_mm.z() *= 1.0 + error;
+    stretched.options.patches.elevation_mm *= 1.0 + error;
+    const double value =
+        similarity_of(c.us, c.ct, c.options)->evaluate(c.T_ct_us, {0.0, error}).value;
+    EXPECT_NEAR(value, stretched.value().value, 1e-5);
+    EXPECT_GT(std::abs(value - c.value().value), 1e-3);
+  }
+}
+
+TEST(PatchSimilarity, SameBitsFromSeveralThreads) {
+  for (const SimilarityKind kind : all_kinds()) {
+    const Case c = make_case(kind);
+    const auto similarity = similarity_of(c.us, c.ct, c.options);
+    const SimilarityValue expected = similarity->evaluate(c.T_ct_us);
+    std::vector<SimilarityValue> values(6);
+    std::vector<std::thread> threads;
+    threads.reserve(values.size());
+    for (SimilarityValue& value : values)
+      threads.emplace_back([&] { value = similarity->evaluate(c.T_ct_us); });
+    for (std::thread& thread : threads) thread.join();
+    for (const SimilarityValue& value : values) {
+      EXPECT_EQ(value.value, expected.value);
+      EXPECT_EQ(value.overlap, expected.overlap);
+    }
+  }
+}
+
+TEST(PatchSimilarity, NamesOfKindsAreRead) {
+  for (const SimilarityKind kind : all_kinds())
+    EXPECT_EQ(parse_kind(kind_name(kind), "test"), kind);
+  EXPECT_THROW(parse_kind("mi", "test"), InputError);
+}
+
+TEST(PatchSimilarity, RefusesOptionsThatAreWrongAndUltrasoundWithoutStructure) {
+  const auto refuse = [](const std::function<void(Case&)>& spoil) {
+    Case c = make_case();
+    spoil(c);
+    EXPECT_THROW(c.value(), InputError);
+  };
+  refuse([](Case& c) { c.options.ridge_intensity_hu = -1.0; });
+  refuse([](Case& c) { c.options.ridge_gradient_hu_per_mm = std::nan(""); });
+  refuse([](Case& c) { c.options.power = 0.1; });
+  refuse([](Case& c) { c.options.bins = 7; });
+  refuse([](Case& c) { c.options.bins = 129; });
+  refuse([](Case& c) { c.us.brightness.assign(c.us.brightness.size(), 1.0F); });
+}
+
+}  // namespace
+}  // namespace usct::test

@@ -1,0 +1,258 @@
+#include <gtest/gtest.h>
+#include <omp.h>
+#include <rapidcheck/gtest.h>
+
+#include <limits>
+#include <map>
+#include <set>
+
+#include "core/similarity/patch_scenes.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::test {
+namespace {
+
+using Position = std::array<float, 3>;
+
+Position position_of(const Eigen::Vector3d& p) {
+  return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
+}
+
+Position position_at(const UltrasoundPatches& us, std::size_t place) {
+  return {us.x_mm[place], us.y_mm[place], us.z_mm[place]};
+}
+
+bool is_filled_up(const UltrasoundPatches& us, std::size_t place) {
+  return us.x_mm[place] == UltrasoundPatches::kNowhere;
+}
+
+/// Sample, line and frame at each position.
+std::map<Position, Eigen::Vector3i> places_of(const BeamGrid& beams) {
+  std::map<Position, Eigen::Vector3i> places;
+  for (int f = 0; f < beams.frames; ++f)
+    for (int l = 0; l < beams.lines; ++l)
+      for (int s = 0; s < beams.samples(); ++s)
+        places[position_of(beams.point(f, l, s))] = {s, l, f};
+  return places;
+}
+
+/// The places of the samples of a patch in the arrays.
+std::vector<std::size_t> places_of(const UltrasoundPatches& us,
+                                   const UltrasoundPatches::Patch& patch) {
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < patch.strands(); ++i) {
+    const std::size_t strand = patch.first_strand + i;
+    const UltrasoundPatches::Block& block = us.blocks[strand / UltrasoundPatches::kLanes];
+    for (std::size_t row = 0; row < block.rows; ++row) {
+      const std::size_t place =
+          block.begin + row * UltrasoundPatches::kLanes + strand % UltrasoundPatches::kLanes;
+      if (!is_filled_up(us, place)) places.push_back(place);
+    }
+  }
+  return places;
+}
+
+RC_GTEST_PROP(UltrasoundPatches, ArePartitionsOfWhatIsKnown, ()) {
+  BeamUltrasound us =
+      noisy_ultrasound(downward_beams(integer(4, 40), integer(2, 20), integer(2, 14)));
+  if (*rc::gen::arbitrary<bool>())
+    for (std::size_t i = 0; i < us.brightness.size(); ++i) us.known.push_back(hashed(i) > 20000.0);
+  const int edge = integer(1, 12);
+  const auto expected = seen_by_patches(us, edge, wavy_ct(oblique_grid({4, 4, 4}, {1, 1, 1})),
+                                        Eigen::Isometry3d::Identity(), GradientChannel::kMagnitude);
+  const UltrasoundPatches patches = cut_into_patches(us, cubes(edge));
+  RC_ASSERT(patches.patches.size() == expected.size());
+  RC_ASSERT(patches.count == all_of(expected).size());
+
+  const auto places = places_of(us.beams);
+  std::set<std::array<int, 3>> boxes;
+  std::size_t samples = 0;
+  for (const UltrasoundPatches::Patch& patch : patches.patches) {
+    const std::vector<std::size_t> in = places_of(patches, patch);
+    RC_ASSERT(in.size() == patch.count);
+    samples += patch.count;
+    std::set<std::array<int, 3>> box;
+    double sum = 0.0, squares = 0.0;
+    for (const std::size_t place : in) {
+      const Eigen::Vector3i at = places.at(position_at(patches, place));
+      box.insert({at.x() / edge, at.y() / edge, at.z() / edge});
+      const std::size_t i = offset_of(us.beams, at.x(), at.y(), at.z());
+      RC_ASSERT((us.known.empty() || us.known[i] != 0));
+      const double value = static_cast<double>(patches.value[place]);
+      RC_ASSERT(std::abs(value + patch.mean - us.brightness[i]) < 1e-4);
+      RC_ASSERT(patches.depth_mm[place] == static_cast<float>(us.beams.axial.depth_mm(at.x())));
+      RC_ASSERT(patches.direction_y[place] == 1.0F);
+      sum += value;
+      squares += value * value;
+    }
+    RC_ASSERT(box.size() == 1U);
+    RC_ASSERT(boxes.insert(*box.begin()).second);
+    RC_ASSERT(std::abs(sum) < 1e-3);
+    RC_ASSERT(std::abs(squares - patch.square_sum) < 1e-3 * (1.0 + patch.square_sum));
+  }
+  RC_ASSERT(samples == patches.count);
+  std::size_t filled = 0;
+  for (std::size_t place = 0; place < patches.value.size(); ++place)
+    if (is_filled_up(patches, place)) {
+      ++filled;
+      RC_ASSERT(patches.value[place] == 0.0F);
+      RC_ASSERT(patches.depth_mm[place] == 0.0F);
+    }
+  RC_ASSERT(filled + samples == patches.value.size());
+}
+
+RC_GTEST_PROP(UltrasoundPatches, LieInLanes, ()) {
+  BeamUltrasound us =
+      noisy_ultrasound(downward_beams(integer(4, 60), integer(2, 20), integer(2, 14)));
+  for (std::size_t i = 0; i < us.brightness.size(); ++i) us.known.push_back(hashed(i) > 15000.0);
+  const UltrasoundPatches patches = cut_into_patches(us, cubes(integer(2, 12)));
+  RC_PRE(!patches.patches.empty());
+  std::size_t begin = 0;
+  for (const UltrasoundPatches::Block& block : patches.blocks) {
+    RC_ASSERT(block.begin == begin);
+    RC_ASSERT((block.rows >= 1U && block.rows <= UltrasoundPatches::kLongestStrand));
+    begin += block.rows * UltrasoundPatches::kLanes;
+  }
+  for (const auto* values :
+       {&patches.x_mm, &patches.y_mm, &patches.z_mm, &patches.value, &patches.direction_x,
+        &patches.direction_y, &patches.direction_z, &patches.depth_mm, &patches.sweep_x,
+        &patches.sweep_y, &patches.sweep_z})
+    RC_ASSERT(values->size() == begin);
+  for (std::size_t p = 0; p < patches.patches.size(); ++p) {
+    const UltrasoundPatches::Patch& patch = patches.patches[p];
+    RC_ASSERT((patch.strands() == 1U) == (p >= patches.first_single_patch));
+    if (p >= patches.first_single_patch)
+      RC_ASSERT(patch.first_strand == patches.first_single_block * UltrasoundPatches::kLanes + p -
+                                          patches.first_single_patch);
+    if (p > 0) RC_ASSERT(patch.count <= patches.patches[p - 1].count);
+  }
+}
+
+TEST(UltrasoundPatches, WithoutMaskHardlyAnythingIsFilledUp) {
+  const UltrasoundPatches patches =
+      cut_into_patches(noisy_ultrasound(downward_beams(77, 64, 40)), cubes(3.0));
+  EXPECT_LT(static_cast<double>(patches.value.size()), 1.02 * static_cast<double>(patches.count));
+}
+
+TEST(UltrasoundPatches, OfInfiniteSizeAreOne) {
+  const UltrasoundPatches patches =
+      cut_into_patches(noisy_ultrasound(downward_beams(20, 9, 5)), PatchOptions::whole());
+  ASSERT_EQ(patches.patches.size(), 1U);
+  EXPECT_EQ(patches.count, 900U);
+  EXPECT_EQ(patches.first_single_block, patches.blocks.size());
+  EXPECT_EQ(places_of(patches, patches.patches.front()).size(), 900U);
+}
+
+TEST(UltrasoundPatches, EdgesAreMillimetresInTheMiddleOfTheDepths) {
+  // 0.5 mm along, 1 mm across lines, 2 mm across frames.
+  BeamGrid beams = downward_beams(24, 12, 6);
+  beams.axial.spacing_mm = 0.5;
+  for (Beam& beam : beams.beams) beam.origin_mm.z() *= 2.0;
+  const UltrasoundPatches patches = cut_into_patches(noisy_ultrasound(beams), cubes(4.0));
+  EXPECT_EQ(patches.patches.size(), 3U * 3U * 3U);
+  for (const UltrasoundPatches::Patch& patch : patches.patches)
+    EXPECT_EQ(patch.count, 8U * 4U * 2U);
+}
+
+TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
+  BeamUltrasound us = noisy_ultrasound(downward_beams(8, 4, 4));  // two patches of 64
+  us.known.assign(us.brightness.size(), 255);
+  for (int l = 0; l < 4; ++l)
+    for (int s = 0; s < 3; ++s)
+      for (int f = 0; f < 4; ++f) us.known[offset_of(us.beams, s, l, f)] = 0;
+  PatchOptions options = cubes(4.0);
+  options.least_share = 0.25;
+  EXPECT_EQ(cut_into_patches(us, options).patches.size(), 2U);
+  options.least_share = 0.26;
+  EXPECT_EQ(cut_into_patches(us, options).patches.size(), 1U);
+  us.known.clear();
+  for (int beam = 0; beam < 16; ++beam)
+    for (int s = 4; s < 8; ++s) us.brightness[offset_of(us.beams, s, beam % 4, beam / 4)] = 77.7F;
+  const UltrasoundPatches patches = cut_into_patches(us, cubes(4.0));
+  ASSERT_EQ(patches.patches.size(), 1U);
+  EXPECT_EQ(patches.count, 64U);
+  us.brightness.assign(us.brightness.size(), 5.0F);
+  EXPECT_TRUE(cut_into_patches(us, cubes(4.0)).patches.empty());
+}
+
+/// Both probes swing; the tables are even.
+ScanGeometry swinging(double scale, double depth_scale) {
+  ScanGeometry geometry;
+  geometry.axial = {30, 5.0 * depth_scale, 3.0 * depth_scale};
+  geometry.array = CurvilinearArray{40.0, centred_table(16, 0.05)};
+  geometry.motion = MotorSweep{27.0, centred_table(41, 0.0128 * scale), 0.0};
+  return geometry;
+}
+
+/// The greatest error of the motion, as a share of the greatest motion.
+double motion_error(const BeamGrid& beams, const BeamGrid& scaled, double error) {
+  const UltrasoundPatches us = cut_into_patches(noisy_ultrasound(beams), cubes(10.0));
+  const auto places = places_of(beams);
+  double worst = 0.0;
+  double greatest = 0.0;
+  for (std::size_t place = 0; place < us.value.size(); ++place) {
+    if (is_filled_up(us, place)) continue;
+    const Eigen::Vector3i at = places.at(position_at(us, place));
+    const Eigen::Vector3d expected =
+        (scaled.point(at.z(), at.y(), at.x()) - beams.point(at.z(), at.y(), at.x())) / error;
+    const Eigen::Vector3d motion(us.sweep_x[place], us.sweep_y[place], us.sweep_z[place]);
+    worst = std::max(worst, (motion - expected).norm());
+    greatest = std::max(greatest, expected.norm());
+  }
+  return worst / greatest;
+}
+
+TEST(UltrasoundPatches, MoveWithErrorsOfTheSweepAsTheMotorDoes) {
+  constexpr double kError = 1e-5;
+  EXPECT_LT(
+      motion_error(beam_grid(swinging(1.0, 1.0)), beam_grid(swinging(1.0 + kError, 1.0)), kError),
+      0.01);
+}
+
+TEST(UltrasoundPatches, MoveWithErrorsOfAStraightSweepExactly) {
+  const BeamGrid beams = downward_beams(12, 6, 25);
+  BeamGrid scaled = beams;
+  for (Beam& beam : scaled.beams) beam.origin_mm.z() *= 1.1;
+  EXPECT_LT(motion_error(beams, scaled, 0.1), 1e-6);
+}
+
+TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
+  for (const int frames : {1, 2, 3, 4}) {
+    const BeamGrid beams = downward_beams(12, 6, frames);
+    BeamGrid scaled = beams;
+    for (Beam& beam : scaled.beams) beam.origin_mm.z() *= 1.1;
+    if (frames > 1) {
+      EXPECT_LT(motion_error(beams, scaled, 0.1), 1e-6) << frames;
+    }
+    BeamUltrasound resting = noisy_ultrasound(beams);
+    for (Beam& beam : resting.beams.beams) beam.origin_mm.z() = 0.0;
+    const UltrasoundPatches us = cut_into_patches(resting, cubes(4.0));
+    for (const float motion : us.sweep_z) EXPECT_EQ(motion, 0.0F);
+  }
+}
+
+TEST(UltrasoundPatches, AreTheSameBitsForAnyNumberOfThreads) {
+  const BeamUltrasound us = noisy_ultrasound(beam_grid(swinging(1.0, 1.0)));
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  const UltrasoundPatches one = cut_into_patches(us, cubes(8.0));
+  omp_set_num_threads(3);
+  const UltrasoundPatches three = cut_into_patches(us, cubes(8.0));
+  omp_set_num_threads(threads);
+  EXPECT_EQ(one.x_mm, three.x_mm);
+  EXPECT_EQ(one.value, three.value);
+  EXPECT_EQ(one.sweep_y, three.sweep_y);
+  EXPECT_EQ(one.patches.size(), three.patches.size());
+}
+
+TEST(UltrasoundPatches, RefusesOptionsThatAreWrong) {
+  const BeamUltrasound us = noisy_ultrasound(downward_beams(8, 4, 4));
+  for (const PatchOptions& options :
+       {PatchOptions{0.0, 4.0, 4.0, 0.5}, PatchOptions{4.0, -1.0, 4.0, 0.5},
+        PatchOptions{4.0, 4.0, 0.0, 0.5}, PatchOptions{4.0, 4.0, 4.0, 0.0},
+        PatchOptions{4.0, 4.0, 4.0, 1.1}})
+    EXPECT_THROW(cut_into_patches(us, options), InputError);
+}
+
+}  // namespace
+}  // namespace usct::test
