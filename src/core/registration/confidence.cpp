@@ -151,9 +151,12 @@ Background BackgroundPoses::of(const Similarity& similarity, const Candidate& be
 
 std::optional<Matrix6d> pose_covariance(const Similarity& similarity, const Candidate& best,
                                         const ConfidenceOptions& options, Search& search) {
+  // Fewer parts than parameters, as of a global similarity, say nothing of how they scatter.
+  constexpr std::size_t kLeastParts = 7;
+  if (similarity.parts(best.T_us_ct.inverse(), best.errors).size() < kLeastParts)
+    return std::nullopt;
   const PoseParameters pose(best.T_us_ct, search.points_us_mm());
   const Derivatives d = derivatives(Displaced(similarity, best, pose), search);
-  if (d.gradients.rows() < 7) return std::nullopt;
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-d.hessian);
   if (!(eigen.eigenvalues().minCoeff() > 0.0)) return std::nullopt;
   const Matrix6d inverse = (-d.hessian).inverse();
