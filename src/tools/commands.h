@@ -16,6 +16,9 @@ void add_slices_command(CLI::App& app, Run& run);
 void add_calibrate_motor_command(CLI::App& app, Run& run);
 void add_phantom_command(CLI::App& app, Run& run);
 void add_simulate_command(CLI::App& app, Run& run);
+void add_register_command(CLI::App& app, Run& run);
+void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
+void add_study_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools

@@ -134,14 +134,7 @@ void add_convert_command(CLI::App& app, Run& run) {
   command->add_option("input", options->input, "file or DICOM folder")->required();
   command->add_option("output", options->output, "file to write")->required();
 
-  CLI::App* dicom = command->add_option_group("DICOM");
-  dicom->add_option("--series", options->dicom.series_uid,
-                    "SeriesInstanceUID, where a folder holds several CT series");
-  dicom->add_option("--acquisition", options->dicom.acquisition_number,
-                    "AcquisitionNumber, where a series holds several scans of the same place");
-  dicom->add_flag("--resample-irregular", options->dicom.resample_irregular,
-                  "resample gantry tilt, uneven and missing slices onto a regular grid instead of "
-                  "refusing them");
+  add_dicom_options(*command, options->dicom);
 
   CLI::App* volume = command->add_option_group("Volumes");
   volume->add_flag("--reorient", options->reorient,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,9 @@ namespace usct::tools {
 
 /// On standard error, one line each.
 void print_warnings(const std::vector<std::string>& warnings);
+
+/// Options for what a folder of DICOM files leaves open; the same in every subcommand.
+void add_dicom_options(CLI::App& command, DicomReadOptions& options);
 
 /// A CT of any format; the reader's warnings go to standard error.
 CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options = {},

@@ -20,7 +20,10 @@ int parse_and_run(int argc, char** argv) {
   add_calibrate_motor_command(app, run);
   add_phantom_command(app, run);
   add_simulate_command(app, run);
+  add_register_command(app, run);
+  add_presets_command(app, run);
   add_evaluate_command(app, run);
+  add_study_command(app, run);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

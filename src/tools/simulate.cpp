@@ -7,12 +7,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "beam_options.h"
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
 #include "progress_bar.h"
 #include "simulation_pictures.h"
-#include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/prescan_nrrd.h"
@@ -27,12 +27,9 @@ namespace {
 struct SimulateCommand {
   std::string ct;
   std::string us;
-  UltrasoundOptions ultrasound;
-  std::string us_mask;
+  BeamCommandOptions ultrasound;
   std::string transform;
   std::string output;
-  double parallel_beams_mm = 0.0;
-  std::string beam_axis = "+y";
 
   SimulationOptions simulation;
   std::vector<double> window_hu;
@@ -50,13 +47,6 @@ struct SimulateCommand {
   bool quiet = false;
 };
 
-/// The ultrasound along its beams and what its results are written as.
-struct Beams {
-  BeamUltrasound us;
-  std::optional<ScanGeometry> geometry;  // along the true beams
-  std::optional<Grid> grid;              // along parallel beams
-};
-
 /// A result: values, and those of them that are written and drawn as 0 and 255.
 struct Result {
   std::string name;
@@ -70,28 +60,6 @@ struct Result {
     return static_cast<std::uint8_t>(std::nearbyint(std::clamp(grey, 0.0, 255.0)));
   }
 };
-
-Beams read_beams(const SimulateCommand& command) {
-  const Ultrasound us = read_ultrasound_with_warnings(command.ultrasound.source(command.us));
-  if (const auto* prescan = std::get_if<PreScanVolume>(&us);
-      prescan != nullptr && command.parallel_beams_mm == 0.0) {
-    if (!command.us_mask.empty())
-      throw InputError("--us-mask", "is given, must be left out for pre-scan ultrasound");
-    return {along_beams(*prescan), prescan->geometry, {}};
-  }
-  const BeamAxis axis = parse_beam_axis(command.beam_axis, "--beam-axis");
-  if (const auto* volume = std::get_if<UsVolume>(&us)) {
-    const MaskVolume mask =
-        command.us_mask.empty() ? MaskVolume{} : read_volume<std::uint8_t>(command.us_mask);
-    return {along_beams(*volume, mask, axis), {}, volume->grid};
-  }
-  if (command.parallel_beams_mm == 0.0)
-    throw InputError("--parallel-beams", "is missing, must be given for images without beams");
-  const ScanConverted converted =
-      in_space(us, command.parallel_beams_mm, command.ultrasound.compounding(),
-               progress_bar("scan conversion", command.quiet));
-  return {along_beams(converted.volume, converted.mask, axis), {}, converted.volume.grid};
-}
 
 void complete(SimulateCommand& command) {
   if (!command.window_hu.empty())
@@ -110,13 +78,13 @@ void complete(SimulateCommand& command) {
   command.conditioning.validate("--us options");
 }
 
-void write_bytes(const std::vector<std::uint8_t>& bytes, const Beams& beams,
+void write_bytes(const std::vector<std::uint8_t>& bytes, const UltrasoundBeams& beams,
                  const std::filesystem::path& path) {
   if (beams.geometry) {
     write_prescan_nrrd({*beams.geometry, bytes, {}}, path);
     return;
   }
-  const BeamGrid& along = beams.us.beams;
+  const BeamGrid& along = beams.along.beams;
   UsVolume volume(*beams.grid);
   std::size_t i = 0;
   for (int frame = 0; frame < along.frames; ++frame)
@@ -131,7 +99,7 @@ void write_bytes(const std::vector<std::uint8_t>& bytes, const Beams& beams,
   write_volume(volume, path);
 }
 
-void write_images(const std::vector<Result>& results, const Beams& beams,
+void write_images(const std::vector<Result>& results, const UltrasoundBeams& beams,
                   const std::filesystem::path& folder) {
   for (const Result& result : results) {
     std::vector<std::uint8_t> bytes(result.values.size());
@@ -159,9 +127,9 @@ BeamImage exclusion_image(const BeamUltrasound& us, const std::vector<std::uint8
 }
 
 /// Rows as in thesis figure 4.3, and one for what the conditioning did.
-void write_pictures(const std::vector<Result>& results, const Beams& beams,
+void write_pictures(const std::vector<Result>& results, const UltrasoundBeams& beams,
                     const ConditionedUltrasound& conditioned, const SimulateCommand& command) {
-  const int frames = beams.us.beams.frames;
+  const int frames = beams.along.beams.frames;
   const int frame = command.frame < 0 ? frames / 2 : command.frame;
   std::vector<BeamImage> images;
   images.reserve(results.size() + 1);
@@ -169,7 +137,7 @@ void write_pictures(const std::vector<Result>& results, const Beams& beams,
     images.push_back({result.title, [&result](std::size_t i) -> Picture::Colour {
                         return Picture::Colour::Constant(result.grey(i));
                       }});
-  images.push_back(exclusion_image(beams.us, conditioned.reasons));
+  images.push_back(exclusion_image(beams.along, conditioned.reasons));
   constexpr std::size_t kColumns = 3;
   const auto sheet = [&](const auto& draw) {
     std::vector<std::vector<Picture>> rows;
@@ -181,7 +149,7 @@ void write_pictures(const std::vector<Result>& results, const Beams& beams,
   };
   const std::filesystem::path folder = command.output;
   write_png(sheet([&](const BeamImage& image) {
-              return beam_picture(image, beams.us.beams, frame, command.pixel_mm);
+              return beam_picture(image, beams.along.beams, frame, command.pixel_mm);
             }),
             folder / "frame_beams.png");
   if (beams.geometry)
@@ -283,8 +251,9 @@ void print(const SimulatedUltrasound& simulated, const ConditionedUltrasound& co
 
 int run_simulate(SimulateCommand command) {
   complete(command);
-  const Beams beams = read_beams(command);
-  const int frames = beams.us.beams.frames;
+  const UltrasoundBeams beams =
+      command.ultrasound.beams(command.ultrasound.read(command.us), command.quiet);
+  const int frames = beams.along.beams.frames;
   if (command.frame >= frames)
     throw InputError("--frame", "is " + std::to_string(command.frame) + ", must be < " +
                                     std::to_string(frames) + " (frames)");
@@ -293,18 +262,18 @@ int run_simulate(SimulateCommand command) {
   const Eigen::Isometry3d T_us_ct =
       command.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(command.transform);
   make_folder(command.output);
-  const ConditionedUltrasound conditioned = condition(beams.us, command.conditioning);
+  const ConditionedUltrasound conditioned = condition(beams.along, command.conditioning);
   const SimulatedComponents components =
-      simulate_components(beams.us.beams, ct, T_us_ct.inverse(), command.simulation,
+      simulate_components(beams.along.beams, ct, T_us_ct.inverse(), command.simulation,
                           progress_bar("simulation", command.quiet));
   const SimulatedUltrasound simulated = fit_to_ultrasound(
       components,
-      command.fit_to == Normalisation::kNone ? beams.us.brightness : conditioned.samples,
+      command.fit_to == Normalisation::kNone ? beams.along.brightness : conditioned.samples,
       excluded(command, conditioned), command.fit);
 
   const std::filesystem::path folder = command.output;
   const std::vector<Result> results =
-      listed(beams.us, conditioned, components, simulated, command.fit_to);
+      listed(beams.along, conditioned, components, simulated, command.fit_to);
   write_images(results, beams, folder);
   write_bytes(components.flags, beams, folder / "flags.nrrd");
   write_bytes(conditioned.reasons, beams, folder / "excluded.nrrd");
@@ -391,13 +360,6 @@ void add_simulate_command(CLI::App& app, Run& run) {
   sub->add_option("--transform", command->transform,
                   "ITK transform from US to CT points, mm, LPS (identity if not given)");
   sub->add_option("--output", command->output, "folder to write, made if absent")->required();
-  sub->add_option("--parallel-beams", command->parallel_beams_mm,
-                  "scan-convert to this spacing, mm, and let the beams run along an axis of that "
-                  "(variant A of the thesis)")
-      ->check(CLI::Range(0.05, 10.0));
-  sub->add_option("--beam-axis", command->beam_axis, "of a Cartesian volume: +x, -x, +y, ...")
-      ->capture_default_str();
-  sub->add_option("--us-mask", command->us_mask, "where a Cartesian volume is known (not 0)");
   sub->add_option("--frame", command->frame, "frame to draw [the middle one]")
       ->check(CLI::NonNegativeNumber);
   sub->add_option("--pixel", command->pixel_mm, "size of a pixel of the pictures, mm")

@@ -1,13 +1,14 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "us_ct_registration/registration/registration_result.h"
 
 /// Results of registrations as JSON. Keys: `status`, `message`, `T_us_ct` (16 numbers, row by row,
 /// mm), `similarity`, `overlap`, `covariance` (36 numbers, row by row, of the motion
 /// `p_us -> p_us + w x p_us + t` about the origin of the US frame, in the order w rad, t mm),
-/// `candidates` (objects with `T_us_ct`, `similarity`, `overlap`), `evaluations`, `seconds` (by
+/// `candidates` (objects with `T_us_ct`, `similarity`, `overlap`), `measures` (numbers by name), `evaluations`, `seconds` (by
 /// stage), `options` (by name, as text), `version`. What is not known is null; `T_us_ct` is null
 /// unless status is "registered".
 namespace usct {
@@ -16,6 +17,9 @@ namespace usct {
 /// missing, unknown or of the wrong type; for a transform that is not rigid; for a registered
 /// result without transform, or a transform with any other status.
 RegistrationResult read_result(const std::filesystem::path& path);
+
+/// The text of such a file. Throws InputError for a result that `read_result` would refuse.
+std::string result_json(const RegistrationResult& result, const std::string& source = "result");
 
 /// Atomic. Numbers come back bit by bit. Throws InputError for a result that `read_result` would
 /// refuse, or if the folder cannot be written to.

@@ -11,6 +11,9 @@
 /// in millimetres, LPS. Callers always get and give its inverse, T_us_ct.
 namespace usct {
 
+/// Whether the extension is one of those above.
+bool has_transform_extension(const std::filesystem::path& path);
+
 /// Any linear ITK transform of three dimensions, or several composed, in single or double
 /// precision, whose matrix is a rotation: Euler3D, VersorRigid3D, Similarity3D with scale 1,
 /// Affine, ...

@@ -28,10 +28,17 @@ enum class SimilarityKind {
   /// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998), CT values shared
   /// between the two nearest bins; [0, 1].
   kCorrelationRatio,
+  /// The same given the CT value and its gradient's magnitude together: how much of the
+  /// ultrasound's
+  /// variance any function of the two explains, one function for all samples; [0, 1].
+  kJointCorrelationRatio,
+  /// The thesis' (Wein 2008): LC2 of the ultrasound and its simulation along the beams, see
+  /// simulated_lc2.h; it has no patches and cannot be made here.
+  kSimulatedLc2,
 };
 const char* kind_name(SimilarityKind kind);
-/// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio". Throws InputError,
-/// naming `source`, for any other text.
+/// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio",
+/// "joint_correlation_ratio", "simulated_lc2". Throws InputError, naming `source`, for any other text.
 SimilarityKind parse_kind(const std::string& name, const std::string& source);
 
 /// What stands beside the CT value to explain ultrasound.
@@ -62,6 +69,10 @@ struct SimilarityOptions {
   /// CT divide its window, those of the ultrasound what lies between its 0.5th and 99.5th
   /// percentiles.
   int bins = 32;
+  /// Of kJointCorrelationRatio: knots along the gradient (those along the CT value are `bins`), [2,
+  /// 32], and the gradient in the middle of them.
+  int gradient_bins = 8;
+  double gradient_scale_hu_per_mm = 25.0;
   /// Use the scalar reference in place of vector instructions.
   bool scalar = false;
 

@@ -2,82 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <set>
 
 #include "io/angles.h"
 #include "io/bytes.h"
 #include "io/text.h"
+#include "io/yaml_keys.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/probe_config.h"
 
 namespace usct {
 namespace {
 
+using io::YamlKeys;
+
 constexpr const char* kMotorised = "motorised_curvilinear";
 constexpr const char* kCurvilinear = "curvilinear";
 constexpr const char* kLinear = "linear";
-
-/// The keys of one YAML file; in the end every one must have been asked for.
-class YamlKeys {
- public:
-  explicit YamlKeys(const std::filesystem::path& path) : source_(path.string()) {
-    const io::Bytes bytes = io::read_bytes(path);
-    try {
-      const YAML::Node root = YAML::Load(std::string(bytes.begin(), bytes.end()));
-      if (!root.IsMap()) throw InputError(source_, "must be a list of 'key: value'");
-      for (const auto& entry : root) insert(entry.first.as<std::string>(), entry.second);
-    } catch (const YAML::Exception& error) {
-      throw InputError(source_, std::string("is not valid YAML: ") + error.what());
-    }
-  }
-
-  const std::string& source() const { return source_; }
-  bool has(const std::string& key) const { return nodes_.count(key) != 0; }
-
-  std::string text(const std::string& key) {
-    const YAML::Node& node = use(key);
-    if (!node.IsScalar()) throw InputError(source_, "'" + key + "' must be a single value");
-    return node.Scalar();
-  }
-  double number(const std::string& key) { return io::parse_double(text(key), source_, key); }
-  int whole_number(const std::string& key) { return io::parse_int(text(key), source_, key); }
-  std::optional<double> optional_number(const std::string& key) {
-    return has(key) ? std::optional<double>(number(key)) : std::nullopt;
-  }
-  std::vector<double> table(const std::string& key) {
-    const YAML::Node& node = use(key);
-    if (!node.IsSequence()) throw InputError(source_, "'" + key + "' must be a list of numbers");
-    std::vector<double> values;
-    for (const auto& entry : node) {
-      if (!entry.IsScalar()) throw InputError(source_, "'" + key + "' must be a list of numbers");
-      values.push_back(io::parse_double(entry.Scalar(), source_, key));
-    }
-    return values;
-  }
-  void refuse_unknown() const {
-    for (const auto& [key, node] : nodes_)
-      if (used_.count(key) == 0)
-        throw InputError(
-            source_, "key " + io::in_quotes(key) + " is unknown, or not one of this kind of probe");
-  }
-
- private:
-  void insert(const std::string& key, const YAML::Node& node) {
-    if (!nodes_.emplace(key, node).second)
-      throw InputError(source_, "key " + io::in_quotes(key) + " is given twice");
-  }
-  const YAML::Node& use(const std::string& key) {
-    used_.insert(key);
-    const auto it = nodes_.find(key);
-    if (it == nodes_.end()) throw InputError(source_, "key '" + key + "' is missing");
-    return it->second;
-  }
-
-  std::string source_;
-  std::map<std::string, YAML::Node> nodes_;
-  std::set<std::string> used_;
-};
 
 /// A table, or a number of lines with a pitch, in the file's unit.
 std::vector<double> read_lines(YamlKeys& keys, const std::string& table_key,
@@ -204,7 +144,7 @@ const char* kind_of(const ProbeConfig& probe) {
 }  // namespace
 
 ProbeConfig read_probe_config(const std::filesystem::path& path) {
-  YamlKeys keys(path);
+  YamlKeys keys(io::read_yaml(path), path.string());
   ProbeConfig probe;
   probe.name = keys.text("name");
   const std::string kind = keys.text("kind");
@@ -218,7 +158,7 @@ ProbeConfig read_probe_config(const std::filesystem::path& path) {
   probe.sampling.imaging_depth_mm = keys.optional_number("imaging_depth_mm");
   probe.sampling.sampling_frequency_hz = keys.optional_number("sampling_frequency_hz");
   probe.sampling.speed_of_sound_m_per_s = keys.optional_number("speed_of_sound_m_per_s");
-  keys.refuse_unknown();
+  keys.refuse_unknown(", or not one of this kind of probe");
   probe.validate(keys.source());
   return probe;
 }

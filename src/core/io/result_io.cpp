@@ -142,7 +142,7 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   const Json json = parse_json(path);
   const Members members(json, source,
                         {"status", "message", "T_us_ct", "similarity", "overlap", "covariance",
-                         "candidates", "evaluations", "seconds", "options", "version"});
+                         "candidates", "measures", "evaluations", "seconds", "options", "version"});
   RegistrationResult result;
   result.status = parse_status(members.text("status"), source);
   result.message = members.text("message");
@@ -151,6 +151,7 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   result.overlap = members.number_or_nan("overlap");
   if (!members.is_null("covariance")) result.covariance = members.matrix<6>("covariance");
   result.candidates = read_candidates(members.at("candidates"), source);
+  result.measures = members.map<double>("measures");
   result.evaluations = members.count("evaluations");
   result.seconds = members.map<double>("seconds");
   result.options = members.map<std::string>("options");
@@ -159,8 +160,8 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   return result;
 }
 
-void write_result(const RegistrationResult& result, const std::filesystem::path& path) {
-  check(result, path.string());
+std::string result_json(const RegistrationResult& result, const std::string& source) {
+  check(result, source);
   Json json;
   json["status"] = status_name(result.status);
   json["message"] = result.message;
@@ -169,13 +170,18 @@ void write_result(const RegistrationResult& result, const std::filesystem::path&
   json["overlap"] = number_json(result.overlap);
   json["covariance"] = result.covariance ? matrix_json<6>(*result.covariance) : Json(nullptr);
   json["candidates"] = candidates_json(result.candidates);
+  json["measures"] = result.measures;
   json["evaluations"] = result.evaluations;
   json["seconds"] = result.seconds;
   json["options"] = result.options;
   json["version"] = result.version;
   constexpr int kIndent = 2;
   // Text from elsewhere (a file name in a message) need not be UTF-8; it must not cost the result.
-  io::write_text(path, json.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n");
+  return json.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void write_result(const RegistrationResult& result, const std::filesystem::path& path) {
+  io::write_text(path, result_json(result, path.string()));
 }
 
 }  // namespace usct

@@ -6,6 +6,11 @@
 
 namespace usct {
 
+bool has_transform_extension(const std::filesystem::path& path) {
+  const std::string extension = path.extension().string();
+  return extension == ".tfm" || extension == ".txt" || extension == ".h5" || extension == ".hdf5";
+}
+
 Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path) {
   const io::LinearMap map = io::read_itk_transform(path);
   Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();

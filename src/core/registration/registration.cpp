@@ -1,42 +1,247 @@
 #include "us_ct_registration/registration/registration.h"
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
-#include "parallel.h"
-#include "us_ct_registration/registration/pose_parameters.h"
-#include "us_ct_registration/simulation/decimation.h"
-#include "us_ct_registration/volume/operations.h"
+#include "registration/confidence.h"
+#include "registration/level.h"
+#include "registration/search.h"
+#include "simulation/require_images.h"
+#include "us_ct_registration/error.h"
 
 namespace usct {
 namespace {
-using Eigen::Isometry3d;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 
-struct Candidate {
-  Isometry3d T_us_ct;
-  AcquisitionErrors errors;
-  double value = -1e9;
-  double overlap = 0.0;
+using Eigen::Isometry3d;
+using registration::BackgroundPoses;
+using registration::Cancelled;
+using registration::Candidate;
+using registration::Level;
+using registration::Search;
+
+/// Data that cannot be registered; becomes the result's status and message.
+struct Refusal {
+  RegistrationStatus status;
+  std::string message;
 };
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+/// Wall time, from one lap to the next.
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double seconds = std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+    return seconds;
+  }
 
-std::vector<Vector3d> corners(const BeamGrid& b) {
-  std::vector<Vector3d> r;
-  const int nf = std::min(b.frames, 5), nl = std::min(b.lines, 5);
-  for (int f = 0; f < nf; ++f)
-    for (int l = 0; l < nl; ++l)
-      for (int s : {0, b.samples() - 1})
-        r.push_back(b.point(nf > 1 ? f * (b.frames - 1) / (nf - 1) : 0,
-                            nl > 1 ? l * (b.lines - 1) / (nl - 1) : 0, s));
-  return r;
-}
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+/// One registration, from images to result.
+class Registration {
+ public:
+  Registration(const BeamUltrasound& us, const CtVolume& ct, const Isometry3d& T_us_ct_initial,
+               const RegistrationOptions& options, const RegistrationHooks& hooks)
+      : us_(us), ct_(ct), initial_{T_us_ct_initial, {}}, options_(options), hooks_(hooks) {}
+
+  RegistrationResult run() {
+    try {
+      prepare();
+      search();
+      polish();
+      judge();
+    } catch (const Cancelled&) {
+      refuse({RegistrationStatus::kCancelled, "cancelled by the caller"});
+    } catch (const Refusal& refusal) {
+      refuse(refusal);
+    }
+    if (search_) result_.evaluations = search_->evaluations();
+    result_.version = USCT_VERSION;
+    return std::move(result_);
+  }
+
+ private:
+  /// The last but one stage, whose optima are ranked.
+  std::size_t decisive() const {
+    return options_.stages.size() < 2 ? 0 : options_.stages.size() - 2;
+  }
+
+  void report(double fraction) {
+    if (hooks_.progress) hooks_.progress(fraction);
+    if (search_) search_->check_cancelled();
+  }
+
+  void prepare() {
+    Stopwatch watch;
+    report(0.0);
+    if (!initial_.T_us_ct.matrix().allFinite())
+      throw Refusal{RegistrationStatus::kFailed, "the initial pose is not finite"};
+    prepared_ = registration::prepare_ultrasound(us_, options_);
+    if (prepared_.points_us_mm.size() < kLeastPoints)
+      throw Refusal{RegistrationStatus::kFailed,
+                    "nothing in the ultrasound counts: it is constant, or all of it is masked"};
+    search_.emplace(prepared_.points_us_mm, options_, hooks_);
+    result_.seconds["ultrasound"] = watch.lap();
+    report(0.1);
+
+    const registration::CtInReach in_reach =
+        registration::ct_in_reach(ct_, prepared_.us.beams, initial_.T_us_ct, options_);
+    if (in_reach.region.size.minCoeff() < kLeastVoxels)
+      throw Refusal{RegistrationStatus::kNoOverlap,
+                    "the CT lies nowhere near the ultrasound at the initial pose"};
+    const std::vector<Volume<float>> cts = registration::ct_levels(in_reach, options_);
+    for (std::size_t i = 0; i < cts.size(); ++i) levels_.push_back(make_level(i, in_reach, cts[i]));
+    result_.seconds["ct"] = watch.lap();
+    report(0.2);
+  }
+
+  Level make_level(std::size_t stage, const registration::CtInReach& in_reach,
+                   const Volume<float>& ct) {
+    try {
+      return registration::make_level(options_.stages[stage], prepared_, in_reach, ct,
+                                      stage == decisive(), options_);
+    } catch (const InputError& error) {
+      // Options and images are valid: what is left is ultrasound without structure.
+      throw Refusal{RegistrationStatus::kFailed, error.what()};
+    }
+  }
+
+  /// Rounds of all stages but the last, until the best optimum is significant.
+  void search() {
+    Stopwatch watch;
+    poses_.emplace(initial_.T_us_ct, options_, *search_);
+    for (int round = 0; round < options_.rounds; ++round) {
+      std::vector<Candidate> candidates = starts(round);
+      for (std::size_t stage = 0; stage <= decisive(); ++stage)
+        candidates = climb(stage, round, std::move(candidates));
+      candidates.insert(candidates.end(), optima_.begin(), optima_.end());
+      optima_ = search_->best_distinct(std::move(candidates), kMostOptima);
+      if (optima_.empty() || !std::isfinite(optima_.front().value))
+        throw Refusal{RegistrationStatus::kNoOverlap,
+                      "no pose in reach has CT and ultrasound overlap"};
+      background_ = poses_->of(*levels_[decisive()].similarity, optima_.front(), *search_);
+      report(0.2 + 0.6 * (round + 1) / options_.rounds);
+      if (background_.significance(optima_.front().value) >= options_.confidence.min_significance)
+        break;
+    }
+    result_.seconds["search"] = watch.lap();
+  }
+
+  /// How much more is done in a round than in the first.
+  static std::size_t effort(int round) { return std::size_t{1} << (2 * round); }
+
+  /// The initial pose and what is spread around it: of one sequence, each round a part that is four
+  /// times as long.
+  std::vector<Candidate> starts(int round) {
+    const std::optional<StartOptions>& spread = options_.stages.front().starts;
+    if (!spread) return {initial_};
+    StartOptions all = *spread;
+    std::size_t first = 0;
+    for (int before = 0; before < round; ++before)
+      first += effort(before) * static_cast<std::size_t>(spread->count);
+    all.count = static_cast<int>(first + effort(round) * static_cast<std::size_t>(spread->count));
+    const PoseParameters pose(initial_.T_us_ct, prepared_.points_us_mm);
+    const std::vector<PoseVector> vectors = spread_starts(pose, all);
+    std::vector<Candidate> candidates;
+    for (std::size_t i = first; i < vectors.size(); ++i)
+      candidates.push_back({pose.T_us_ct(vectors[i]), {}});
+    return candidates;
+  }
+
+  std::vector<Candidate> climb(std::size_t at, int round, std::vector<Candidate> candidates) {
+    const StageOptions& stage = options_.stages[at];
+    const Similarity& similarity = *levels_[at].similarity;
+    search_->evaluate(similarity, candidates);
+    Search::sort(candidates, effort(round) * static_cast<std::size_t>(stage.optimised));
+    // Whoever gave the initial pose meant it: it is climbed from at every stage.
+    if (at > 0 && round == 0) {
+      std::vector<Candidate> initial{initial_};
+      search_->evaluate(similarity, initial);
+      candidates.push_back(initial.front());
+    }
+    search_->optimise(similarity, stage, candidates);
+    return search_->best_distinct(std::move(candidates),
+                                  effort(round) * static_cast<std::size_t>(stage.kept));
+  }
+
+  void polish() {
+    Stopwatch watch;
+    best_ = optima_.front();
+    if (options_.stages.size() > 1) {
+      const std::size_t last = options_.stages.size() - 1;
+      std::vector<Candidate> polished{best_};
+      search_->evaluate(*levels_[last].similarity, polished);
+      search_->optimise(*levels_[last].similarity, options_.stages[last], polished);
+      if (!std::isfinite(polished.front().value))
+        throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+      best_ = polished.front();
+      result_.measures["disagreement_mm"] =
+          search_->distance_mm(best_.T_us_ct, optima_.front().T_us_ct);
+      if (options_.stages[last].depth_error > 0.0)
+        result_.measures["depth_error"] = best_.errors.depth;
+      if (options_.stages[last].sweep_error > 0.0)
+        result_.measures["sweep_error"] = best_.errors.sweep;
+    }
+    result_.seconds["polish"] = watch.lap();
+    report(0.9);
+  }
+
+  void judge() {
+    Stopwatch watch;
+    const Level& level = levels_[decisive()];
+    result_.similarity = optima_.front().value;
+    result_.overlap = best_.overlap;
+    result_.measures["significance"] = background_.significance(optima_.front().value);
+    if (optima_.size() > 1)
+      result_.measures["margin"] = (optima_[0].value - optima_[1].value) / background_.deviation;
+    if (level.confirmation) {
+      std::vector<Candidate> there{optima_.front()};
+      search_->evaluate(*level.confirmation, there);
+      result_.measures["confirmation"] = poses_->of(*level.confirmation, optima_.front(), *search_)
+                                             .significance(there.front().value);
+    }
+    result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
+    result_.covariance = registration::pose_covariance(*levels_.back().similarity, best_,
+                                                       options_.confidence, *search_);
+    if (result_.covariance)
+      result_.measures["expected_error_mm"] =
+          registration::expected_error_mm(*result_.covariance, prepared_.points_us_mm);
+    result_.candidates.push_back({best_.T_us_ct, optima_.front().value, best_.overlap});
+    for (std::size_t i = 1; i < optima_.size(); ++i)
+      result_.candidates.push_back({optima_[i].T_us_ct, optima_[i].value, optima_[i].overlap});
+    registration::judge(options_.confidence, result_);
+    if (result_.status == RegistrationStatus::kRegistered) result_.T_us_ct = best_.T_us_ct;
+    result_.seconds["confidence"] = watch.lap();
+    report(1.0);
+  }
+
+  void refuse(const Refusal& refusal) {
+    result_.status = refusal.status;
+    result_.message = refusal.message;
+    result_.T_us_ct.reset();
+  }
+
+  static constexpr std::size_t kLeastPoints = 100;
+  static constexpr int kLeastVoxels = 4;
+  static constexpr std::size_t kMostOptima = 5;
+
+  const BeamUltrasound& us_;
+  const CtVolume& ct_;
+  const Candidate initial_;
+  const RegistrationOptions& options_;
+  const RegistrationHooks& hooks_;
+
+  registration::PreparedUltrasound prepared_;
+  std::vector<Level> levels_;
+  std::optional<Search> search_;
+  std::optional<BackgroundPoses> poses_;
+  registration::Background background_;
+  std::vector<Candidate> optima_;  // of the decisive stage, best first
+  Candidate best_;
+  RegistrationResult result_;
+};
 
 }  // namespace
 
@@ -44,178 +249,12 @@ RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const C
                                        const Isometry3d& T_us_ct_initial,
                                        const RegistrationOptions& options,
                                        const RegistrationHooks& hooks) {
-  (void)hooks;
-  RegistrationResult result;
-  double t0 = now();
-  const BeamUltrasound fine =
-      decimate(ultrasound, factors_for_spacing(ultrasound.beams, options.conditioning_spacing_mm));
-  double t1 = now();
-  result.seconds["decimate"] = t1 - t0;
-  const ConditionedUltrasound conditioned = condition(fine, options.conditioning);
-  BeamUltrasound us{fine.beams, conditioned.samples, {}};
-  us.known.resize(us.brightness.size());
-  for (std::size_t i = 0; i < us.known.size(); ++i) us.known[i] = conditioned.reasons[i] == 0;
-  t0 = now();
-  result.seconds["condition"] = t0 - t1;
-
-  // Points that count
-  std::vector<Vector3d> points;
-  {
-    std::size_t i = 0;
-    const BeamGrid& b = us.beams;
-    for (int f = 0; f < b.frames; ++f)
-      for (int l = 0; l < b.lines; ++l)
-        for (int s = 0; s < b.samples(); ++s, ++i)
-          if (us.known[i] && i % 61 == 0) points.push_back(b.point(f, l, s));
-  }
-  const PoseParameters pose(T_us_ct_initial, points);
-  double margin = 10.0;
-  {
-    const std::optional<StartOptions>& st = options.stages.front().starts;
-    if (st) {
-      double radius = 0;
-      for (auto& p : points) radius = std::max(radius, (p - pose.centre_us_mm()).norm());
-      margin += st->translation_mm + radius * std::min(1.2, st->rotation_rad);
-    }
-  }
-  std::vector<Vector3d> reach;
-  for (auto& p : corners(us.beams)) reach.push_back(T_us_ct_initial.inverse() * p);
-  const Region region = region_around(ct.grid, reach, margin);
-  if (region.size.minCoeff() < 2) {
-    result.status = RegistrationStatus::kNoOverlap;
-    return result;
-  }
-  // CT levels, finest first
-  std::vector<Volume<float>> level_ct(options.stages.size());
-  for (std::size_t i = options.stages.size(); i-- > 0;) {
-    const double spacing = options.stages[i].spacing_mm;
-    const bool finest = i + 1 == options.stages.size();
-    const Grid& g = finest ? ct.grid : level_ct[i + 1].grid;
-    const Region reg = finest ? region : whole(g);
-    Eigen::Vector3i factors;
-    for (int a = 0; a < 3; ++a)
-      factors[a] =
-          std::clamp(static_cast<int>(std::lround(spacing / g.spacing_mm[a])), 1, reg.size[a]);
-    level_ct[i] = finest ? shrink(ct, factors, reg) : shrink(level_ct[i + 1], factors, reg);
-  }
-  t1 = now();
-  result.seconds["ct"] = t1 - t0;
-
-  std::vector<Candidate> candidates{{T_us_ct_initial, {}, 0, 0}};
-  int evaluations = 0;
-  for (std::size_t level = 0; level < options.stages.size(); ++level) {
-    t0 = now();
-    const StageOptions& stage = options.stages[level];
-    const BeamUltrasound level_us = decimate(us, factors_for_spacing(us.beams, stage.spacing_mm));
-    const auto patches = std::make_shared<const UltrasoundPatches>(
-        cut_into_patches(level_us, stage.similarity.patches));
-    const auto packed =
-        std::make_shared<const PackedCt>(level_ct[level], options.window, options.outside_hu);
-    const auto similarity = make_patch_similarity(patches, packed, stage.similarity);
-    t1 = now();
-    result.seconds["prepare" + std::to_string(level)] = t1 - t0;
-    const auto value = [&](const Isometry3d& T, const AcquisitionErrors& e) {
-      return similarity->evaluate(T.inverse(), e);
-    };
-    std::vector<Candidate> spread;
-    if (stage.starts) {
-      for (const Candidate& c : candidates) {
-        const PoseParameters p(c.T_us_ct, points);
-        for (const PoseVector& v : spread_starts(p, *stage.starts))
-          spread.push_back({p.T_us_ct(v), c.errors, 0, 0});
-      }
-    } else {
-      spread = candidates;
-    }
-    parallel_for(static_cast<int>((spread.size() + 15) / 16), [&](int b) {
-      for (std::size_t i = static_cast<std::size_t>(b) * 16;
-           i < std::min(spread.size(), static_cast<std::size_t>(b) * 16 + 16); ++i) {
-        const SimilarityValue v = value(spread[i].T_us_ct, spread[i].errors);
-        spread[i].value = std::isfinite(v.value) ? v.value : -1e9;
-        spread[i].overlap = v.overlap;
-      }
-    });
-    evaluations += static_cast<int>(spread.size());
-    std::stable_sort(spread.begin(), spread.end(),
-                     [](const Candidate& a, const Candidate& b) { return a.value > b.value; });
-    if (static_cast<int>(spread.size()) > stage.optimised)
-      spread.resize(static_cast<std::size_t>(stage.optimised));
-    t0 = now();
-    result.seconds["starts" + std::to_string(level)] = t0 - t1;
-    std::vector<int> counts(spread.size());
-    parallel_for(static_cast<int>(spread.size()), [&](int i) {
-      Candidate& c = spread[static_cast<std::size_t>(i)];
-      const PoseParameters p(c.T_us_ct, points);
-      const int n = 6 + (stage.depth_error > 0) + (stage.sweep_error > 0);
-      OptimizerProblem problem;
-      const auto unpack = [&](const VectorXd& x, Isometry3d& T, AcquisitionErrors& e) {
-        T = p.T_us_ct(x.head<6>());
-        e = c.errors;
-        int k = 6;
-        if (stage.depth_error > 0) e.depth = x[k++];
-        if (stage.sweep_error > 0) e.sweep = x[k++];
-      };
-      problem.cost = [&](const VectorXd& x) {
-        Isometry3d T;
-        AcquisitionErrors e;
-        unpack(x, T, e);
-        return -value(T, e).value;
-      };
-      problem.start = VectorXd::Zero(n);
-      problem.lower = VectorXd::Constant(n, -stage.reach_mm);
-      problem.upper = VectorXd::Constant(n, stage.reach_mm);
-      problem.scale = VectorXd::Ones(n);
-      int k = 6;
-      const auto extra = [&](double limit, double start) {
-        if (limit <= 0) return;
-        problem.start[k] = start;
-        problem.lower[k] = -limit;
-        problem.upper[k] = limit;
-        problem.scale[k] = 0.01;
-        ++k;
-      };
-      extra(stage.depth_error, c.errors.depth);
-      extra(stage.sweep_error, c.errors.sweep);
-      OptimizerOptions o = stage.optimizer;
-      o.seed = options.seed;
-      const OptimizerResult r = optimize(problem, o);
-      counts[static_cast<std::size_t>(i)] = r.evaluations;
-      if (r.best) {
-        Isometry3d T;
-        AcquisitionErrors e;
-        unpack(*r.best, T, e);
-        const SimilarityValue v = value(T, e);
-        c = {T, e, v.value, v.overlap};
-      }
-    });
-    for (int n : counts) evaluations += n;
-    std::stable_sort(spread.begin(), spread.end(),
-                     [](const Candidate& a, const Candidate& b) { return a.value > b.value; });
-    candidates.clear();
-    for (const Candidate& c : spread) {
-      bool distinct = true;
-      for (const Candidate& k : candidates)
-        distinct =
-            distinct && mean_displacement_mm(c.T_us_ct * k.T_us_ct.inverse(),
-                                             Isometry3d::Identity(), points) > options.distinct_mm;
-      if (distinct) candidates.push_back(c);
-      if (static_cast<int>(candidates.size()) == stage.kept) break;
-    }
-    t1 = now();
-    result.seconds["optimise" + std::to_string(level)] = t1 - t0;
-    result.options["samples" + std::to_string(level)] =
-        std::to_string(patches->count) + " in " + std::to_string(patches->patches.size());
-  }
-  result.evaluations = evaluations;
-  result.status = RegistrationStatus::kRegistered;
-  result.T_us_ct = candidates.front().T_us_ct;
-  result.similarity = candidates.front().value;
-  result.overlap = candidates.front().overlap;
-  result.options["depth_error"] = std::to_string(candidates.front().errors.depth);
-  result.options["sweep_error"] = std::to_string(candidates.front().errors.sweep);
-  for (const Candidate& c : candidates)
-    result.candidates.push_back({c.T_us_ct, c.value, c.overlap});
-  return result;
+  ultrasound.validate();
+  options.validate();
+  require_beams(ultrasound.beams);
+  require_ct(ct);
+  if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial);
+  return Registration(ultrasound, ct, T_us_ct_initial, options, hooks).run();
 }
 
 }  // namespace usct

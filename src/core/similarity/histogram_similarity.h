@@ -16,4 +16,8 @@ std::shared_ptr<const Similarity> make_correlation_ratio(
     std::shared_ptr<const UltrasoundPatches> ultrasound, std::shared_ptr<const PackedCt> ct,
     const SimilarityOptions& options);
 
+std::shared_ptr<const Similarity> make_joint_correlation_ratio(
+    std::shared_ptr<const UltrasoundPatches> ultrasound, std::shared_ptr<const PackedCt> ct,
+    const SimilarityOptions& options);
+
 }  // namespace usct

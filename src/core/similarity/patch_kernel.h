@@ -23,6 +23,10 @@ struct PatchKernelInput {
   GradientChannel channel;
 };
 
+inline bool is_moved(const AcquisitionErrors& errors) {
+  return errors.depth != 0.0 || errors.sweep != 0.0;
+}
+
 /// Of all samples of the ultrasound.
 inline double mean_of(const UltrasoundPatches& us) {
   double sum = 0.0;

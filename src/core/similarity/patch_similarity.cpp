@@ -13,8 +13,14 @@
 namespace usct {
 namespace {
 
-constexpr std::array<const char*, 6> kKindNames = {"local_lc2", "global_lc2", "ncc",
-                                                   "mattes_mi", "nmi",        "correlation_ratio"};
+constexpr std::array<const char*, 8> kKindNames = {"local_lc2",
+                                                   "global_lc2",
+                                                   "ncc",
+                                                   "mattes_mi",
+                                                   "nmi",
+                                                   "correlation_ratio",
+                                                   "joint_correlation_ratio",
+                                                   "simulated_lc2"};
 
 /// Blocks that are summed before their sums are used: what the first cache holds.
 constexpr std::size_t kTile = 32;
@@ -218,8 +224,8 @@ SimilarityKind parse_kind(const std::string& name, const std::string& source) {
   for (std::size_t i = 0; i < kKindNames.size(); ++i)
     if (name == kKindNames[i]) return static_cast<SimilarityKind>(i);
   throw InputError(source, "similarity is '" + name +
-                               "', must be local_lc2, global_lc2, ncc, mattes_mi, nmi or "
-                               "correlation_ratio");
+                               "', must be local_lc2, global_lc2, ncc, mattes_mi, nmi, "
+                               "correlation_ratio, joint_correlation_ratio or simulated_lc2");
 }
 
 void SimilarityOptions::validate(const std::string& source) const {
@@ -229,6 +235,10 @@ void SimilarityOptions::validate(const std::string& source) const {
   require(std::isfinite(ridge_gradient_hu_per_mm) && ridge_gradient_hu_per_mm >= 0.0, source,
           "ridge_gradient_hu_per_mm", ridge_gradient_hu_per_mm, "finite and >= 0");
   require(power >= 0.25 && power <= 8.0, source, "power", power, "within [0.25, 8]");
+  require(gradient_bins >= 2 && gradient_bins <= 32, source, "gradient_bins", gradient_bins,
+          "within [2, 32]");
+  require(is_positive(gradient_scale_hu_per_mm), source, "gradient_scale_hu_per_mm",
+          gradient_scale_hu_per_mm, "finite and > 0");
   require(bins >= 8 && bins <= 128, source, "bins", bins, "within [8, 128]");
 }
 
@@ -236,6 +246,8 @@ std::shared_ptr<const Similarity> make_patch_similarity(
     std::shared_ptr<const UltrasoundPatches> ultrasound, std::shared_ptr<const PackedCt> ct,
     const SimilarityOptions& options) {
   options.validate();
+  if (options.kind == SimilarityKind::kSimulatedLc2)
+    throw InputError("similarity options", "'kind' is simulated_lc2, must be one with patches");
   if (ultrasound->patches.empty())
     throw InputError("ultrasound", "has no patch with structure, must have one at least");
   switch (options.kind) {
@@ -249,6 +261,10 @@ std::shared_ptr<const Similarity> make_patch_similarity(
       return make_mutual_information(std::move(ultrasound), std::move(ct), options);
     case SimilarityKind::kCorrelationRatio:
       return make_correlation_ratio(std::move(ultrasound), std::move(ct), options);
+    case SimilarityKind::kJointCorrelationRatio:
+      return make_joint_correlation_ratio(std::move(ultrasound), std::move(ct), options);
+    case SimilarityKind::kSimulatedLc2:
+      break;
   }
   throw InputError("similarity options", "'kind' is unknown, must be a SimilarityKind");
 }

@@ -1,0 +1,134 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/evaluation/perturbation.h"
+#include "us_ct_registration/evaluation/target_errors.h"
+#include "us_ct_registration/progress.h"
+#include "us_ct_registration/registration/registration_result.h"
+#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/volume/volume.h"
+
+/// A study: many registrations of cases with known truth, and how far off each was. The tables made
+/// of it are in study_statistics.h and study_report.h.
+namespace usct {
+
+/// A folder as `usct phantom` writes it: `ct` (.nrrd, .mha or .nii.gz), `us.nrrd`, `truth.tfm`,
+/// `targets.csv`.
+struct StudyCase {
+  /// Of the folder.
+  std::string name;
+  CtVolume ct;
+  PreScanVolume ultrasound;
+  Eigen::Isometry3d T_us_ct_true = Eigen::Isometry3d::Identity();
+  std::vector<Eigen::Vector3d> targets_us_mm;
+
+  /// The name up to its first '_'.
+  std::string group() const { return name.substr(0, name.find('_')); }
+};
+
+/// Throws InputError, naming the file, if one is missing or invalid, or there are several CTs.
+StudyCase read_study_case(const std::filesystem::path& folder);
+
+/// What is registered from where.
+enum class TrialKind {
+  kStart,       // the case, from a start near the truth
+  kMismatched,  // with the CT of another case of the group
+  kMirrored,    // its ultrasound mirrored
+  kNoOverlap,   // from a start where CT and ultrasound lie far apart
+  kNoise,       // its ultrasound replaced by speckle
+  kFarStart,    // from a start too far away for an optimizer, not for luck
+};
+/// "start", "mismatched", "mirrored", "no overlap", "noise", "far start".
+const char* kind_name(TrialKind kind);
+/// Whether there is a right answer other than to refuse.
+bool has_truth(TrialKind kind);
+
+struct Trial {
+  TrialKind kind = TrialKind::kStart;
+  /// Indices of the cases whose ultrasound and CT these are.
+  std::size_t us_case = 0;
+  std::size_t ct_case = 0;
+  /// Counts the trials of one kind and case.
+  int index = 0;
+  /// Of everything random in it.
+  std::uint64_t seed = 0;
+  Eigen::Isometry3d T_us_ct_initial = Eigen::Isometry3d::Identity();
+  /// How far the targets are, on average, from where the truth, or what looks like it, puts them.
+  double displacement_mm = 0.0;
+};
+
+struct StudyOptions {
+  /// Per case, and per kind of negative trials; >= 1.
+  int starts = 9;
+  /// Mean displacement of the targets at the start, and over how many bins of it starts spread.
+  double min_displacement_mm = 0.0;
+  double max_displacement_mm = 30.0;
+  int bins = 3;
+  /// Largest rotation of a start.
+  double max_rotation_rad = 0.5235987755982988;  // 30 degrees
+  /// Starts from a box in place of displacements.
+  std::optional<MotionBox> box;
+  /// In place of trials that can succeed: all other kinds.
+  bool negatives = false;
+  /// Negative trials: displacements of far starts, and the gap of those that do not overlap.
+  double far_min_mm = 60.0;
+  double far_max_mm = 100.0;
+  double gap_mm = 150.0;
+  std::uint64_t seed = 1;
+
+  /// Throws InputError, naming `source`, the field, its value and the constraint.
+  void validate(const std::string& source = "study options") const;
+};
+
+/// All trials, case by case. A case's trials do not depend on what other cases there are, but for
+/// which CT is the mismatched one. Throws InputError if an option is invalid, there is no case, two
+/// have one name, or, for mismatched trials, a group has a single case.
+std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyOptions& options);
+
+/// The ultrasound of a trial: of its case, mirrored, or noise.
+PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial& trial);
+
+/// One trial and what came of it.
+struct StudyRun {
+  Trial trial;
+  std::string case_name;
+  std::string group;
+  std::string ct_case_name;
+  RegistrationResult result;
+  /// Errors at the start, of the pose if it was accepted, and of every candidate; none without
+  /// truth.
+  std::optional<TargetErrors> before;
+  std::optional<TargetErrors> after;
+  std::vector<TargetErrors> candidates;
+  /// What an accepted result's covariance lets expect.
+  std::optional<ExpectedTargetErrors> expected;
+
+  bool accepted() const { return result.T_us_ct.has_value(); }
+  /// Wall time of the registration without files: the result's "total" if it tells one, else the
+  /// sum of its stages.
+  double seconds() const;
+};
+
+using Register = std::function<RegistrationResult(const PreScanVolume&, const CtVolume&,
+                                                  const Eigen::Isometry3d& T_us_ct_initial)>;
+
+enum class StudyThreads {
+  kOverTrials,   // each registration on one thread: most registrations per hour
+  kWithinTrial,  // one registration after the other, each on all threads: honest seconds
+};
+
+/// Runs all trials on `threads` threads (>= 1). The outcome has the order of the trials and, if
+/// `register_one` is a pure function, does not depend on the threads but for seconds. What
+/// `register_one` throws ends the study.
+std::vector<StudyRun> run_trials(const std::vector<StudyCase>& cases,
+                                 const std::vector<Trial>& trials, const Register& register_one,
+                                 StudyThreads how, int threads, const Progress& progress = {});
+
+}  // namespace usct

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/evaluation/study.h"
+
+/// A study in writing: Markdown for people, JSON for programs.
+namespace usct {
+
+/// Of runs with truth, by group: errors, rates, time, and success by displacement of the start.
+std::string accuracy_markdown(const std::vector<StudyRun>& runs,
+                              const std::vector<double>& bin_edges_mm);
+
+/// Per case, as tables 5.1 and 5.2 of the thesis: mean and deviation of the error of the runs that
+/// converged, size and spacing of the ultrasound, time per run; beside them what the thesis says
+/// in its text, how many runs there were and the share that converged.
+std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs);
+
+/// Negative trials, by kind.
+std::string negatives_markdown(const std::vector<StudyRun>& runs);
+
+/// Expected against true errors; one line if no run has both.
+std::string calibration_markdown(const std::vector<StudyRun>& runs);
+
+/// `{"version", "study": {...}, "runs": [...]}`, `study` as given; each run with `case`, `group`,
+/// `ct_case`, `kind`, `start` (its number), `displacement_mm`, `T_us_ct_initial` (16 numbers, row
+/// by row), `before_tre_mm` and `tre_mm` (objects with `mean`, `rms`, `max`), `expected_tre_mm`
+/// (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`), and of its result `status`,
+/// `message`, `T_us_ct`, `similarity`, `overlap`, `evaluations`, `seconds` by stage, `options`.
+/// What is not known is null. Atomic; throws InputError if the folder cannot be written to.
+void write_study_json(const std::vector<StudyRun>& runs,
+                      const std::map<std::string, std::string>& study,
+                      const std::filesystem::path& path);
+
+}  // namespace usct

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/evaluation/study.h"
+
+/// What the runs of a study come to. Errors are mean TRE (over the targets of a case), in mm.
+namespace usct {
+
+/// A run has succeeded, or converged, if it was accepted with an error below this.
+constexpr double kSuccessMm = 5.0;
+
+/// Of several numbers; NaN where there are too few.
+struct Spread {
+  std::size_t count = 0;
+  double mean = 0.0;
+  double median = 0.0;
+  /// With count - 1 below.
+  double deviation = 0.0;
+  double max = 0.0;
+};
+Spread spread_of(std::vector<double> values);
+
+/// Of ranks, ties sharing their mean rank; NaN for fewer than two pairs, or if all values of one
+/// are equal. Throws InputError if the numbers of values differ.
+double spearman_correlation(const std::vector<double>& a, const std::vector<double>& b);
+
+/// Starts with displacements in [low_mm, high_mm), the last bin with its end.
+struct DisplacementBin {
+  double low_mm = 0.0;
+  double high_mm = 0.0;
+  std::size_t runs = 0;
+  std::size_t succeeded = 0;
+};
+
+/// Runs that have a truth.
+struct GroupStatistics {
+  std::string name;
+  std::size_t runs = 0;
+  std::size_t refused = 0;
+  Spread succeeded;  // errors
+  Spread accepted;
+  /// Share of all runs, refused ones too, that were accepted with an error below 2, 3 and 5 mm.
+  static constexpr std::array<double, 3> kBelowMm{2.0, 3.0, kSuccessMm};
+  std::array<double, 3> share_below{};
+  Spread seconds;
+  std::vector<DisplacementBin> bins;
+
+  double success_rate() const { return share_below.back(); }
+};
+
+/// Statistics of runs with truth, by group or by case, in the order of names.
+/// `bin_edges_mm` rise; starts outside are in no bin.
+std::vector<GroupStatistics> statistics_by_group(const std::vector<StudyRun>& runs,
+                                                 const std::vector<double>& bin_edges_mm);
+std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& runs,
+                                                const std::vector<double>& bin_edges_mm);
+
+/// Negative trials of one kind.
+struct NegativeStatistics {
+  TrialKind kind = TrialKind::kMismatched;
+  std::size_t runs = 0;
+  /// By the name of the status.
+  std::map<std::string, std::size_t> refused;
+  std::size_t accepted_right = 0;
+  /// Without truth, or with an error of kSuccessMm or more.
+  std::size_t accepted_wrong = 0;
+};
+/// Kinds that occur, in their order.
+std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs);
+
+/// Expected against true errors, both RMS over the targets of a case, of accepted runs that have
+/// both.
+struct CalibrationBin {
+  /// Expected errors in [low_mm, high_mm).
+  double low_mm = 0.0;
+  double high_mm = 0.0;
+  std::size_t runs = 0;
+  double mean_expected_mm = 0.0;
+  double mean_true_mm = 0.0;
+  /// RMS of the true ones over RMS of the expected ones: 1 if covariances are right.
+  double rms_ratio = 0.0;
+  /// Share of true errors up to twice the expected one.
+  double share_within_twice = 0.0;
+};
+struct Calibration {
+  std::vector<CalibrationBin> bins;  // those that hold runs
+  CalibrationBin all;
+  double rank_correlation = 0.0;
+};
+Calibration calibration_of(const std::vector<StudyRun>& runs,
+                           const std::vector<double>& bin_edges_mm = {0.0, 0.5, 1.0, 1.5, 2.0, 3.0,
+                                                                      5.0, 10.0, 1e9});
+
+}  // namespace usct

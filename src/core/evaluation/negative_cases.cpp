@@ -1,0 +1,162 @@
+#include "us_ct_registration/evaluation/negative_cases.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "phantom/random.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/volume/operations.h"
+
+namespace usct {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+constexpr double kGreyPerDecibel = 255.0 / 60.0;
+enum Purpose : std::uint64_t { kSpeckle = 11, kApart };
+
+std::vector<double> mean_grey_over_depth(const PreScanVolume& ultrasound) {
+  const int samples = ultrasound.geometry.samples();
+  const int lines = ultrasound.geometry.lines();
+  const int frames = ultrasound.geometry.frames();
+  std::vector<double> mean(static_cast<std::size_t>(samples), 0.0);
+  for (int f = 0; f < frames; ++f)
+    for (int l = 0; l < lines; ++l)
+      for (int s = 0; s < samples; ++s)
+        mean[static_cast<std::size_t>(s)] +=
+            ultrasound.at(s, l, f) / (static_cast<double>(lines) * frames);
+  return mean;
+}
+
+/// Samples, lines and frames as a regular grid with the spacing that they have in the middle of the
+/// depths.
+Grid grid_of_indices(const ScanGeometry& geometry) {
+  const BeamGrid beams = beam_grid(geometry);
+  const double middle = 0.5 * (beams.samples() - 1);
+  const auto step_mm = [&](int frames, int lines) {
+    const Vector3d first = beams.point(0, 0, middle);
+    double path_mm = 0.0;
+    Vector3d last = first;
+    for (int i = 1; i < std::max(frames, lines); ++i) {
+      const Vector3d next = beams.point(std::min(i, frames - 1), std::min(i, lines - 1), middle);
+      path_mm += (next - last).norm();
+      last = next;
+    }
+    return std::max(1e-3, path_mm / std::max(1, std::max(frames, lines) - 1));
+  };
+  Grid grid;
+  grid.size = {beams.samples(), beams.lines, beams.frames};
+  grid.spacing_mm = {beams.axial.spacing_mm, step_mm(1, beams.lines), step_mm(beams.frames, 1)};
+  return grid;
+}
+
+/// Amplitude of speckle in dB, minus its mean at each depth.
+Volume<float> speckle_db(const Grid& grid, std::uint64_t seed, const SpeckleOptions& options) {
+  const Vector3d sigma_mm(options.axial_mm, options.lateral_mm, options.elevation_mm);
+  // Smoothing averages less at the ends of a volume: these lie beyond.
+  const Eigen::Vector3i margin =
+      (3.0 * sigma_mm.cwiseQuotient(grid.spacing_mm)).array().ceil().cast<int>();
+  Grid wider = grid;
+  wider.size += 2 * margin;
+  Volume<float> real(wider);
+  Volume<float> imaginary(wider);
+  phantom::Sequence random(seed, kSpeckle);
+  for (std::size_t i = 0; i < real.voxels.size(); ++i) {
+    const std::complex<double> pair = phantom::normal_pair(random.next());
+    real.voxels[i] = static_cast<float>(pair.real());
+    imaginary.voxels[i] = static_cast<float>(pair.imag());
+  }
+  real = smooth_gaussian(real, sigma_mm, {margin, grid.size});
+  imaginary = smooth_gaussian(imaginary, sigma_mm, {margin, grid.size});
+  std::vector<double> mean(static_cast<std::size_t>(grid.size.x()), 0.0);
+  const double beams = static_cast<double>(grid.size.y()) * grid.size.z();
+  for (std::size_t i = 0; i < real.voxels.size(); ++i) {
+    const double amplitude = std::hypot(real.voxels[i], imaginary.voxels[i]);
+    real.voxels[i] = static_cast<float>(20.0 * std::log10(std::max(amplitude, 1e-12)));
+    mean[i % mean.size()] += real.voxels[i] / beams;
+  }
+  for (std::size_t i = 0; i < real.voxels.size(); ++i)
+    real.voxels[i] -= static_cast<float>(mean[i % mean.size()]);
+  return real;
+}
+
+struct Ball {
+  Vector3d centre_mm;
+  double radius_mm;
+};
+
+Ball ball_around(const Eigen::AlignedBox3d& box_mm) {
+  return {box_mm.center(), 0.5 * box_mm.diagonal().norm()};
+}
+
+}  // namespace
+
+PreScanVolume mirrored(const PreScanVolume& ultrasound) {
+  ultrasound.validate("ultrasound");
+  PreScanVolume result = ultrasound;
+  const int lines = ultrasound.geometry.lines();
+  for (int f = 0; f < ultrasound.geometry.frames(); ++f)
+    for (int l = 0; l < lines; ++l)
+      std::copy_n(ultrasound.voxels.begin() +
+                      static_cast<std::ptrdiff_t>(ultrasound.offset(0, lines - 1 - l, f)),
+                  ultrasound.geometry.samples(),
+                  result.voxels.begin() + static_cast<std::ptrdiff_t>(result.offset(0, l, f)));
+  return result;
+}
+
+void SpeckleOptions::validate(const std::string& source) const {
+  const auto check = [&](const char* field, double value) {
+    if (!(std::isfinite(value) && value >= 0.0))
+      throw InputError(source, "'" + std::string(field) + "' is " + std::to_string(value) +
+                                   ", must be finite and >= 0");
+  };
+  check("axial_mm", axial_mm);
+  check("lateral_mm", lateral_mm);
+  check("elevation_mm", elevation_mm);
+}
+
+PreScanVolume speckle_only(const PreScanVolume& ultrasound, std::uint64_t seed,
+                           const SpeckleOptions& options) {
+  ultrasound.validate("ultrasound");
+  options.validate("speckle");
+  const std::vector<double> profile = mean_grey_over_depth(ultrasound);
+  const Volume<float> speckle = speckle_db(grid_of_indices(ultrasound.geometry), seed, options);
+  PreScanVolume result = ultrasound;
+  for (std::size_t i = 0; i < result.voxels.size(); ++i) {
+    const double grey = profile[i % profile.size()] + kGreyPerDecibel * speckle.voxels[i];
+    result.voxels[i] = static_cast<std::uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0)));
+  }
+  return result;
+}
+
+Isometry3d pose_of_other_ct(const Isometry3d& T_us_ct, const Vector3d& centre_us_mm,
+                            const Vector3d& centre_other_ct_mm) {
+  Isometry3d T_us_other = T_us_ct;
+  T_us_other.translation() = centre_us_mm - T_us_ct.linear() * centre_other_ct_mm;
+  return T_us_other;
+}
+
+Isometry3d moved_apart(const Isometry3d& T_us_ct, const Grid& ct, const ScanGeometry& ultrasound,
+                       double gap_mm, std::uint64_t seed) {
+  Eigen::AlignedBox3d ct_box;
+  for (int corner = 0; corner < 8; ++corner)
+    ct_box.extend(T_us_ct *
+                  ct.physical_from_index(Vector3d((corner & 1) != 0 ? ct.size.x() - 1 : 0,
+                                                  (corner & 2) != 0 ? ct.size.y() - 1 : 0,
+                                                  (corner & 4) != 0 ? ct.size.z() - 1 : 0)));
+  Eigen::AlignedBox3d us_box;
+  const BeamGrid beams = beam_grid(ultrasound);
+  for (int f = 0; f < beams.frames; ++f)
+    for (int l = 0; l < beams.lines; ++l)
+      for (const int s : {0, beams.samples() - 1}) us_box.extend(beams.point(f, l, s));
+  const Ball ct_ball = ball_around(ct_box);
+  const Ball us_ball = ball_around(us_box);
+  const Vector3d direction = phantom::Sequence(seed, kApart).direction();
+  const double distance_mm = ct_ball.radius_mm + us_ball.radius_mm + gap_mm;
+  return Eigen::Translation3d(us_ball.centre_mm + distance_mm * direction - ct_ball.centre_mm) *
+         T_us_ct;
+}
+
+}  // namespace usct

@@ -1,0 +1,124 @@
+#include "us_ct_registration/evaluation/perturbation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "phantom/random.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/registration/pose_parameters.h"
+
+namespace usct {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using phantom::Sequence;
+
+constexpr double kPi = 3.14159265358979323846;
+/// What random numbers are for.
+enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
+
+void require(bool valid, const std::string& source, const std::string& field, double value,
+             const std::string& constraint) {
+  if (!valid)
+    throw InputError(source,
+                     "'" + field + "' is " + std::to_string(value) + ", must be " + constraint);
+}
+
+Vector3d centroid(const std::vector<Vector3d>& points_mm) {
+  if (points_mm.empty()) throw InputError("targets", "there are 0, must be at least 1");
+  Vector3d sum = Vector3d::Zero();
+  for (const Vector3d& p : points_mm) sum += p;
+  if (!sum.allFinite()) throw InputError("targets", "must be finite");
+  return sum / static_cast<double>(points_mm.size());
+}
+
+/// The angle at which chords `2 r sin(angle / 2)` of the points are `displacement_mm` on average.
+double angle_that_moves_by(double displacement_mm, const Vector3d& centre_mm, const Vector3d& axis,
+                           const std::vector<Vector3d>& points_mm) {
+  double radius_mm = 0.0;
+  for (const Vector3d& p : points_mm)
+    radius_mm += axis.cross(p - centre_mm).norm() / static_cast<double>(points_mm.size());
+  if (displacement_mm >= 2.0 * radius_mm) return kPi;
+  return 2.0 * std::asin(displacement_mm / (2.0 * radius_mm));
+}
+
+}  // namespace
+
+Isometry3d random_motion(std::uint64_t seed, const std::vector<Vector3d>& points_mm,
+                         double displacement_mm, double max_rotation_rad) {
+  require(std::isfinite(displacement_mm) && displacement_mm >= 0.0, "start", "displacement_mm",
+          displacement_mm, "finite and >= 0");
+  require(max_rotation_rad >= 0.0 && max_rotation_rad <= kPi, "start", "max_rotation_rad",
+          max_rotation_rad, "within [0, pi]");
+  const Vector3d centre_mm = centroid(points_mm);
+  Sequence random(seed, kMotion);
+  const Vector3d axis = random.direction();
+  const Vector3d direction = random.direction();
+  const double largest_rad =
+      std::min(max_rotation_rad, angle_that_moves_by(displacement_mm, centre_mm, axis, points_mm));
+  const double angle_rad = random.between(0.0, largest_rad);
+  const auto motion = [&](double length_mm) {
+    return Isometry3d(Eigen::Translation3d(centre_mm + length_mm * direction) *
+                      Eigen::AngleAxisd(angle_rad, axis) * Eigen::Translation3d(-centre_mm));
+  };
+  // The mean displacement is convex in the length, too small at 0, and at least the length (the
+  // centroid moves that far), so it has the wanted value at one length.
+  double low_mm = 0.0;
+  double high_mm = displacement_mm;
+  while (true) {
+    const double middle_mm = 0.5 * (low_mm + high_mm);
+    if (middle_mm <= low_mm || middle_mm >= high_mm) return motion(high_mm);
+    const double moved_mm =
+        mean_displacement_mm(motion(middle_mm), Isometry3d::Identity(), points_mm);
+    (moved_mm < displacement_mm ? low_mm : high_mm) = middle_mm;
+  }
+}
+
+void MotionBox::validate(const std::string& source) const {
+  require(rotation_rad >= 0.0 && rotation_rad <= kPi, source, "rotation_rad", rotation_rad,
+          "within [0, pi]");
+  require(std::isfinite(translation_mm) && translation_mm >= 0.0, source, "translation_mm",
+          translation_mm, "finite and >= 0");
+}
+
+Isometry3d random_motion_in_box(std::uint64_t seed, const std::vector<Vector3d>& points_mm,
+                                const MotionBox& box) {
+  box.validate("start");
+  const Vector3d centre_mm = centroid(points_mm);
+  Sequence random(seed, kMotionInBox);
+  const auto within = [&](double bound) {
+    const double x = random.between(-bound, bound);
+    const double y = random.between(-bound, bound);
+    const double z = random.between(-bound, bound);
+    return Vector3d(x, y, z);
+  };
+  const Vector3d angles_rad = within(box.rotation_rad);
+  const Vector3d translation_mm = within(box.translation_mm);
+  return Eigen::Translation3d(centre_mm + translation_mm) *
+         Eigen::AngleAxisd(angles_rad.z(), Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(angles_rad.y(), Vector3d::UnitY()) *
+         Eigen::AngleAxisd(angles_rad.x(), Vector3d::UnitX()) * Eigen::Translation3d(-centre_mm);
+}
+
+std::vector<double> spread_displacements_mm(std::uint64_t seed, int count, double min_mm,
+                                            double max_mm, int bins) {
+  require(count >= 1, "starts", "count", count, ">= 1");
+  require(bins >= 1, "starts", "bins", bins, ">= 1");
+  require(std::isfinite(min_mm) && min_mm >= 0.0, "starts", "min_displacement_mm", min_mm,
+          "finite and >= 0");
+  require(std::isfinite(max_mm) && max_mm >= min_mm, "starts", "max_displacement_mm", max_mm,
+          "finite and >= the smallest");
+  Sequence random(seed, kDisplacements);
+  std::vector<double> displacements_mm;
+  for (int i = 0; i < count; ++i) {
+    const int bin = i % bins;
+    const int in_bin = (count - bin + bins - 1) / bins;
+    const int place = i / bins;
+    const double within_bin = (place + random.between(0.0, 1.0)) / in_bin;
+    displacements_mm.push_back(min_mm + (max_mm - min_mm) * (bin + within_bin) / bins);
+  }
+  return displacements_mm;
+}
+
+}  // namespace usct

@@ -1,0 +1,236 @@
+#include "us_ct_registration/evaluation/study_report.h"
+
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "io/bytes.h"
+#include "us_ct_registration/evaluation/study_statistics.h"
+
+namespace usct {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kDegree = 0.017453292519943295;
+
+__attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
+  std::array<char, 256> buffer{};
+  std::va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer.data(), buffer.size(), format, arguments);
+  va_end(arguments);
+  return buffer.data();
+}
+
+std::string number(double value, int decimals = 2) {
+  return std::isfinite(value) ? text("%.*f", decimals, value) : "-";
+}
+
+std::string percent(double share) { return number(100.0 * share, 1); }
+
+std::string row(const std::vector<std::string>& cells) {
+  std::string line = "|";
+  for (const std::string& cell : cells) line += " " + cell + " |";
+  return line + "\n";
+}
+
+std::string header(const std::vector<std::string>& cells) {
+  std::string rule = "|";
+  for (std::size_t i = 0; i < cells.size(); ++i) rule += "---|";
+  return row(cells) + rule + "\n";
+}
+
+std::string bin_name(const DisplacementBin& bin) {
+  return text("%g-%g mm", bin.low_mm, bin.high_mm);
+}
+
+double mean_step(const std::vector<double>& table) {
+  return table.size() < 2
+             ? 0.0
+             : std::abs(table.back() - table.front()) / static_cast<double>(table.size() - 1);
+}
+
+/// Samples x lines x frames.
+std::string size_of(const ScanGeometry& geometry) {
+  return text("(%d, %d, %d)", geometry.samples(), geometry.lines(), geometry.frames());
+}
+
+std::string spacing_of(const ScanGeometry& geometry) {
+  const bool curved = std::holds_alternative<CurvilinearArray>(geometry.array);
+  const double line = mean_step(line_table(geometry.array));
+  std::string spacing = text("(%.2f mm, ", geometry.axial.spacing_mm) +
+                        (curved ? text("%.2f deg, ", line / kDegree) : text("%.2f mm, ", line));
+  if (const auto* motor = std::get_if<MotorSweep>(&geometry.motion))
+    return spacing + text("%.2f deg)", mean_step(motor->frame_angles_rad) / kDegree);
+  return spacing + "tracked)";
+}
+
+Json number_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json errors_json(const TargetErrors& errors) {
+  return {{"mean", errors.mean_mm}, {"rms", errors.rms_mm}, {"max", errors.max_mm}};
+}
+
+Json errors_json(const ExpectedTargetErrors& errors) {
+  return {{"rms", errors.rms_mm}, {"max", errors.max_mm}};
+}
+
+template <typename Errors>
+Json errors_json(const std::optional<Errors>& errors) {
+  return errors ? errors_json(*errors) : Json(nullptr);
+}
+
+Json pose_json(const Eigen::Isometry3d& T) {
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows = T.matrix();
+  return std::vector<double>(rows.data(), rows.data() + rows.size());
+}
+
+Json candidates_json(const StudyRun& run) {
+  Json list = Json::array();
+  for (std::size_t i = 0; i < run.result.candidates.size(); ++i)
+    list.push_back(
+        {{"similarity", number_json(run.result.candidates[i].similarity)},
+         {"overlap", number_json(run.result.candidates[i].overlap)},
+         {"tre_mm", run.candidates.empty() ? Json(nullptr) : errors_json(run.candidates[i])}});
+  return list;
+}
+
+Json run_json(const StudyRun& run) {
+  return {{"case", run.case_name},
+          {"group", run.group},
+          {"ct_case", run.ct_case_name},
+          {"kind", kind_name(run.trial.kind)},
+          {"start", run.trial.index},
+          {"displacement_mm", run.trial.displacement_mm},
+          {"T_us_ct_initial", pose_json(run.trial.T_us_ct_initial)},
+          {"status", status_name(run.result.status)},
+          {"message", run.result.message},
+          {"T_us_ct", run.accepted() ? pose_json(*run.result.T_us_ct) : Json(nullptr)},
+          {"before_tre_mm", errors_json(run.before)},
+          {"tre_mm", errors_json(run.after)},
+          {"expected_tre_mm", errors_json(run.expected)},
+          {"similarity", number_json(run.result.similarity)},
+          {"overlap", number_json(run.result.overlap)},
+          {"candidates", candidates_json(run)},
+          {"evaluations", run.result.evaluations},
+          {"seconds", run.result.seconds},
+          {"options", run.result.options}};
+}
+
+}  // namespace
+
+std::string accuracy_markdown(const std::vector<StudyRun>& runs,
+                              const std::vector<double>& bin_edges_mm) {
+  const std::vector<GroupStatistics> groups = statistics_by_group(runs, bin_edges_mm);
+  if (groups.empty()) return "";
+  std::vector<std::string> titles{"group",
+                                  "runs",
+                                  "refused",
+                                  "TRE of successes, mean / median / STD (mm)",
+                                  "TRE of accepted, mean / median / STD (mm)",
+                                  "< 2 mm (%)",
+                                  "< 3 mm (%)",
+                                  "< 5 mm (%)",
+                                  "worst accepted (mm)",
+                                  "median time (s)"};
+  for (const DisplacementBin& bin : groups.front().bins)
+    titles.push_back("from " + bin_name(bin) + " (%)");
+  const auto spread = [](const Spread& errors) {
+    return number(errors.mean) + " / " + number(errors.median) + " / " + number(errors.deviation);
+  };
+  std::string table = header(titles);
+  for (const GroupStatistics& group : groups) {
+    std::vector<std::string> cells{group.name, std::to_string(group.runs),
+                                   std::to_string(group.refused), spread(group.succeeded),
+                                   spread(group.accepted)};
+    for (const double share : group.share_below) cells.push_back(percent(share));
+    cells.push_back(number(group.accepted.max));
+    cells.push_back(number(group.seconds.median));
+    for (const DisplacementBin& bin : group.bins)
+      cells.push_back(bin.runs == 0 ? "-"
+                                    : percent(static_cast<double>(bin.succeeded) /
+                                              static_cast<double>(bin.runs)) +
+                                          text(" of %zu", bin.runs));
+    table += row(cells);
+  }
+  return table;
+}
+
+std::string thesis_markdown(const std::vector<StudyCase>& cases,
+                            const std::vector<StudyRun>& runs) {
+  std::string table = header({"phantom", "tests", "converged (%)", "mean TRE (mm)", "STD (mm)",
+                              "US size", "US spacing", "avg. time/test (s)"});
+  for (const GroupStatistics& statistics : statistics_by_case(runs, {}))
+    for (const StudyCase& study_case : cases)
+      if (study_case.name == statistics.name)
+        table +=
+            row({statistics.name, std::to_string(statistics.runs),
+                 percent(statistics.success_rate()), number(statistics.succeeded.mean),
+                 number(statistics.succeeded.deviation), size_of(study_case.ultrasound.geometry),
+                 spacing_of(study_case.ultrasound.geometry), number(statistics.seconds.mean)});
+  return table;
+}
+
+std::string negatives_markdown(const std::vector<StudyRun>& runs) {
+  const std::vector<NegativeStatistics> kinds = negative_statistics(runs);
+  if (kinds.empty()) return "";
+  std::string table =
+      header({"negative trials", "runs", "refused", "accepted, right", "accepted, wrong"});
+  NegativeStatistics all;
+  const auto refusals = [](const NegativeStatistics& kind) {
+    std::size_t count = 0;
+    std::string by_status;
+    for (const auto& [status, runs_of_status] : kind.refused) {
+      count += runs_of_status;
+      by_status += (by_status.empty() ? "" : ", ") + status + " " + std::to_string(runs_of_status);
+    }
+    return std::to_string(count) + (by_status.empty() ? "" : " (" + by_status + ")");
+  };
+  const auto counts = [&](const std::string& name, const NegativeStatistics& kind) {
+    return row({name, std::to_string(kind.runs), refusals(kind),
+                has_truth(kind.kind) ? std::to_string(kind.accepted_right) : "-",
+                std::to_string(kind.accepted_wrong)});
+  };
+  all.kind = TrialKind::kFarStart;
+  for (const NegativeStatistics& kind : kinds) {
+    table += counts(kind_name(kind.kind), kind);
+    all.runs += kind.runs;
+    all.accepted_right += kind.accepted_right;
+    all.accepted_wrong += kind.accepted_wrong;
+    for (const auto& [status, count] : kind.refused) all.refused[status] += count;
+  }
+  return table + counts("all", all);
+}
+
+std::string calibration_markdown(const std::vector<StudyRun>& runs) {
+  const Calibration calibration = calibration_of(runs);
+  if (calibration.all.runs == 0) return "No accepted run tells an expected error.\n";
+  std::string table =
+      header({"expected RMS TRE (mm)", "runs", "mean expected (mm)", "mean true (mm)",
+              "RMS true / RMS expected", "true <= 2 x expected (%)"});
+  const auto cells = [](const std::string& name, const CalibrationBin& bin) {
+    return row({name, std::to_string(bin.runs), number(bin.mean_expected_mm),
+                number(bin.mean_true_mm), number(bin.rms_ratio), percent(bin.share_within_twice)});
+  };
+  for (const CalibrationBin& bin : calibration.bins)
+    table += cells(bin.high_mm < 1e6 ? text("%g-%g", bin.low_mm, bin.high_mm)
+                                     : text("%g and more", bin.low_mm),
+                   bin);
+  return table + cells("all", calibration.all) + "\nRank correlation (Spearman) of expected and " +
+         "true errors: " + number(calibration.rank_correlation) + "\n";
+}
+
+void write_study_json(const std::vector<StudyRun>& runs,
+                      const std::map<std::string, std::string>& study,
+                      const std::filesystem::path& path) {
+  Json json;
+  json["version"] = USCT_VERSION;
+  json["study"] = study;
+  json["runs"] = Json::array();
+  for (const StudyRun& run : runs) json["runs"].push_back(run_json(run));
+  io::write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
+}  // namespace usct

@@ -1,0 +1,254 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <utility>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/registration/registration.h"
+#include "us_ct_registration/simulation/simulation.h"
+
+/// What the options of a registration are called in files: the one description of their fields,
+/// which reading, writing and listing all go by. A new field is one line here, with its unit in the
+/// key; a new enumeration is a table of words.
+///
+/// `fields(key, value)` is called for each; `fields.degrees(key, value_rad, most_deg)` for angles,
+/// which files have in degrees.
+namespace usct::io {
+
+/// How an enumeration is written.
+template <typename Enum>
+struct Words;
+
+template <>
+struct Words<GradientChannel> {
+  static constexpr std::array<std::pair<GradientChannel, const char*>, 2> kAll = {
+      {{GradientChannel::kMagnitude, "magnitude"}, {GradientChannel::kAlongBeam, "along_beam"}}};
+};
+template <>
+struct Words<PatchWeighting> {
+  static constexpr std::array<std::pair<PatchWeighting, const char*>, 3> kAll = {
+      {{PatchWeighting::kCount, "count"},
+       {PatchWeighting::kDeviation, "deviation"},
+       {PatchWeighting::kVariance, "variance"}}};
+};
+template <>
+struct Words<StartRegion> {
+  static constexpr std::array<std::pair<StartRegion, const char*>, 2> kAll = {
+      {{StartRegion::kBox, "box"}, {StartRegion::kBall, "ball"}}};
+};
+template <>
+struct Words<Normalisation> {
+  static constexpr std::array<std::pair<Normalisation, const char*>, 3> kAll = {
+      {{Normalisation::kNone, "none"},
+       {Normalisation::kFlatten, "flatten"},
+       {Normalisation::kZScore, "z_score"}}};
+};
+template <>
+struct Words<Interpolation> {
+  static constexpr std::array<std::pair<Interpolation, const char*>, 2> kAll = {
+      {{Interpolation::kNearest, "nearest"}, {Interpolation::kTrilinear, "trilinear"}}};
+};
+template <>
+struct Words<LogCompression> {
+  static constexpr std::array<std::pair<LogCompression, const char*>, 2> kAll = {
+      {{LogCompression::kReflection, "reflection"}, {LogCompression::kIntensity, "intensity"}}};
+};
+
+template <typename Enum>
+std::string word_of(Enum value) {
+  for (const auto& [known, word] : Words<Enum>::kAll)
+    if (known == value) return word;
+  throw std::logic_error("a value of an enumeration has no word");
+}
+inline std::string word_of(SimilarityKind kind) { return kind_name(kind); }
+inline std::string word_of(OptimizerMethod method) { return method_name(method); }
+
+/// Throws InputError, naming `source`, for a word that is none of them.
+template <typename Enum>
+void parse_word(const std::string& word, const std::string& source, Enum& value) {
+  std::string all;
+  for (const auto& [known, its_word] : Words<Enum>::kAll) {
+    if (word == its_word) {
+      value = known;
+      return;
+    }
+    all += (all.empty() ? "" : ", ") + std::string(its_word);
+  }
+  throw InputError(source, "is '" + word + "', must be one of " + all);
+}
+inline void parse_word(const std::string& word, const std::string& source, SimilarityKind& kind) {
+  kind = parse_kind(word, source);
+}
+inline void parse_word(const std::string& word, const std::string& source,
+                       OptimizerMethod& method) {
+  method = parse_method(word, source);
+}
+
+template <typename Fields>
+void describe(Fields& fields, HuWindow& o) {
+  fields("low_hu", o.low_hu);
+  fields("high_hu", o.high_hu);
+}
+
+template <typename Fields>
+void describe(Fields& fields, DepthOptions& o) {
+  fields("min_mm", o.min_mm);
+  fields("max_mm", o.max_mm);
+  fields("automatic", o.automatic);
+  fields("near_field_mm", o.near_field_mm);
+  fields("near_field_limit_mm", o.near_field_limit_mm);
+  fields("far_wall_share", o.far_wall_share);
+  fields("far_wall_margin_mm", o.far_wall_margin_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, ConditioningOptions& o) {
+  fields("normalisation", o.normalisation);
+  fields("smoothing_mm", o.smoothing_mm);
+  fields("window_mm", o.window_mm);
+  fields("least_deviation", o.least_deviation);
+  fields("depth", o.depth);
+  fields("saturated_grey", o.saturated_grey);
+  fields("no_contact_share", o.no_contact_share);
+  fields("shadow_share", o.shadow_share);
+  fields("visible_grey", o.visible_grey);
+  fields("min_shadow_mm", o.min_shadow_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, OcclusionOptions& o) {
+  fields("by_threshold", o.by_threshold);
+  fields("bone_hu", o.bone_hu);
+  fields("gas_hu", o.gas_hu);
+  fields("gradient_hu_per_mm", o.gradient_hu_per_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, IntensityMap& o) {
+  fields("slope", o.slope);
+  fields("offset", o.offset);
+  fields("clamp", o.clamp);
+}
+
+template <typename Fields>
+void describe(Fields& fields, SimulationOptions& o) {
+  fields("interpolation", o.interpolation);
+  fields("outside_hu", o.outside_hu);
+  fields("window", o.window);
+  fields("hu_shift", o.hu_shift);
+  fields("mu_floor", o.mu_floor);
+  fields("gradient_length_mm", o.gradient_length_mm);
+  fields("transmission_length_mm", o.transmission_length_mm);
+  fields("occlusion", o.occlusion);
+  fields("log_compression", o.log_compression);
+  fields("log_a", o.log_a);
+  fields("reflection_scale", o.reflection_scale);
+  fields("signed_reflection", o.signed_reflection);
+  fields("map", o.map);
+}
+
+template <typename Fields>
+void describe(Fields& fields, SimulationWeights& o) {
+  fields("mapped_ct", o.mapped_ct);
+  fields("reflection", o.reflection);
+  fields("bias", o.bias);
+}
+
+template <typename Fields>
+void describe(Fields& fields, FitOptions& o) {
+  fields("fixed_weights", o.fixed_weights);
+  fields("use_background", o.use_background);
+  fields("min_overlap", o.min_overlap);
+}
+
+template <typename Fields>
+void describe(Fields& fields, PatchOptions& o) {
+  fields("depth_mm", o.depth_mm);
+  fields("lateral_mm", o.lateral_mm);
+  fields("elevation_mm", o.elevation_mm);
+  fields("least_share", o.least_share);
+}
+
+template <typename Fields>
+void describe(Fields& fields, SimilarityOptions& o) {
+  fields("kind", o.kind);
+  fields("channel", o.channel);
+  fields("patches", o.patches);
+  fields("weighting", o.weighting);
+  fields("ridge_intensity_hu", o.ridge_intensity_hu);
+  fields("ridge_gradient_hu_per_mm", o.ridge_gradient_hu_per_mm);
+  fields("positive_gradient", o.positive_gradient);
+  fields("power", o.power);
+  fields("bins", o.bins);
+  fields("gradient_bins", o.gradient_bins);
+  fields("gradient_scale_hu_per_mm", o.gradient_scale_hu_per_mm);
+  fields("scalar", o.scalar);
+}
+
+template <typename Fields>
+void describe(Fields& fields, StartOptions& o) {
+  constexpr double kMostInBoxDeg = 103.92;
+  constexpr double kMostDeg = 180.0;
+  fields("region", o.region);
+  fields("count", o.count);
+  fields.degrees("rotation_deg", o.rotation_rad,
+                 o.region == StartRegion::kBox ? kMostInBoxDeg : kMostDeg);
+  fields("translation_mm", o.translation_mm);
+}
+
+/// Without the seed: a registration passes its own on.
+template <typename Fields>
+void describe(Fields& fields, OptimizerOptions& o) {
+  fields("method", o.method);
+  fields("max_evaluations", o.max_evaluations);
+  fields("initial_step", o.initial_step);
+  fields("step_tolerance", o.step_tolerance);
+  fields("cost_tolerance", o.cost_tolerance);
+  fields("population", o.population);
+}
+
+template <typename Fields>
+void describe(Fields& fields, StageOptions& o) {
+  fields("spacing_mm", o.spacing_mm);
+  fields("similarity", o.similarity);
+  fields("starts", o.starts);
+  fields("optimised", o.optimised);
+  fields("kept", o.kept);
+  fields("optimizer", o.optimizer);
+  fields("reach_mm", o.reach_mm);
+  fields("depth_error", o.depth_error);
+  fields("sweep_error", o.sweep_error);
+}
+
+template <typename Fields>
+void describe(Fields& fields, ConfidenceOptions& o) {
+  fields("min_overlap", o.min_overlap);
+  fields("background", o.background);
+  fields("background_mm", o.background_mm);
+  fields("min_significance", o.min_significance);
+  fields("confirmation", o.confirmation);
+  fields("min_confirmation", o.min_confirmation);
+  fields("min_margin", o.min_margin);
+  fields("max_disagreement_mm", o.max_disagreement_mm);
+  fields("max_displacement_mm", o.max_displacement_mm);
+  fields("deviation_factor", o.deviation_factor);
+  fields("systematic_mm", o.systematic_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, RegistrationOptions& o) {
+  fields("window", o.window);
+  fields("outside_hu", o.outside_hu);
+  fields("conditioning_spacing_mm", o.conditioning_spacing_mm);
+  fields("conditioning", o.conditioning);
+  fields("simulation", o.simulation);
+  fields("fit", o.fit);
+  fields("stages", o.stages);
+  fields("rounds", o.rounds);
+  fields("distinct_mm", o.distinct_mm);
+  fields("confidence", o.confidence);
+  fields("seed", o.seed);
+}
+
+}  // namespace usct::io

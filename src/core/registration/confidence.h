@@ -1,0 +1,53 @@
+#pragma once
+
+#include <vector>
+
+#include "registration/level.h"
+#include "registration/search.h"
+
+/// Whether a pose is to be believed, and how exact it is.
+namespace usct::registration {
+
+/// Values of a similarity at poses where nothing fits.
+struct Background {
+  double mean = 0.0;
+  double deviation = 0.0;
+
+  /// Standard deviations above the mean.
+  double significance(double value) const {
+    return deviation > 0.0 ? (value - mean) / deviation : 0.0;
+  }
+};
+
+/// The same poses for all similarities: spread like the starts around the initial pose, but not
+/// near `best`.
+class BackgroundPoses {
+ public:
+  BackgroundPoses(const Eigen::Isometry3d& T_us_ct_initial, const RegistrationOptions& options,
+                  const Search& search);
+
+  Background of(const Similarity& similarity, const Candidate& best, Search& search) const;
+
+ private:
+  std::vector<Candidate> poses_;
+};
+
+/// Covariance of a small motion (rotation vector in rad and translation in mm, in the US frame,
+/// about its origin: p -> p + w x p + t) of the best pose, from how the similarity's parts pull:
+/// with H the Hessian of the similarity and g_p the gradients of its parts,
+/// `H^-1 (sum_p g_p g_p^T) H^-1` (the sandwich estimator, Huber 1967), widened as ConfidenceOptions
+/// say. Unset where the similarity has no parts, or no maximum there.
+std::optional<Eigen::Matrix<double, 6, 6>> pose_covariance(const Similarity& similarity,
+                                                           const Candidate& best,
+                                                           const ConfidenceOptions& options,
+                                                           Search& search);
+
+/// Root mean square over the points of the expected displacement, mm.
+double expected_error_mm(const Eigen::Matrix<double, 6, 6>& covariance,
+                         const std::vector<Eigen::Vector3d>& points_us_mm);
+
+/// Status and message by the gates, from the overlap and the measures; a measure that is absent is
+/// not judged.
+void judge(const ConfidenceOptions& options, RegistrationResult& result);
+
+}  // namespace usct::registration

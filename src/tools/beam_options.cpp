@@ -1,0 +1,42 @@
+#include "beam_options.h"
+
+#include "progress_bar.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/volume_io.h"
+
+namespace usct::tools {
+
+void BeamCommandOptions::add_to(CLI::App& command) {
+  CLI::App* group = command.add_option_group("Beams of the ultrasound");
+  group
+      ->add_option("--parallel-beams", parallel_beams_mm_,
+                   "scan-convert to this spacing, mm, and let the beams run along an axis of that "
+                   "(variant A of the thesis); needed by images whose beams are not known")
+      ->check(CLI::Range(0.05, 10.0));
+  group->add_option("--beam-axis", beam_axis_, "of a Cartesian volume: +x, -x, +y, ...")
+      ->capture_default_str();
+  group->add_option("--us-mask", mask_, "where a Cartesian volume is known (not 0)");
+  ultrasound_.add_to(command);
+}
+
+Ultrasound BeamCommandOptions::read(const std::string& path) const {
+  return read_ultrasound_with_warnings(ultrasound_.source(path));
+}
+
+UltrasoundBeams BeamCommandOptions::beams(const Ultrasound& ultrasound, bool quiet) const {
+  BeamOptions options;
+  options.axis = parse_beam_axis(beam_axis_, "--beam-axis");
+  options.compounding = compounding();
+  if (parallel_beams_mm_ > 0.0) options.parallel_beams_mm = parallel_beams_mm_;
+  if (std::holds_alternative<TrackedImages>(ultrasound) && !options.parallel_beams_mm)
+    throw InputError("--parallel-beams", "is missing, must be given for images without beams");
+  if (!mask_.empty()) {
+    if (!std::holds_alternative<UsVolume>(ultrasound))
+      throw InputError("--us-mask",
+                       "is given, must be left out unless the ultrasound is a Cartesian volume");
+    options.mask = read_volume<std::uint8_t>(mask_);
+  }
+  return beams_of(ultrasound, options, progress_bar("scan conversion", quiet));
+}
+
+}  // namespace usct::tools

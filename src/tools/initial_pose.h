@@ -1,0 +1,33 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/simulation/ultrasound_beams.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct::tools {
+
+/// Options for the pose that a registration starts from.
+class InitialPose {
+ public:
+  void add_to(CLI::App& command);
+
+  bool is_given() const {
+    return !transform_.empty() || !landmarks_.empty() || !probe_direction_.empty();
+  }
+  /// T_us_ct. Without any option the middle of the CT lies in the middle of the ultrasound's field,
+  /// seen by a probe that looks posterior with its lateral axis to the left.
+  Eigen::Isometry3d T_us_ct(const CtVolume& ct, const BeamGrid& beams) const;
+
+ private:
+  std::string transform_;
+  std::vector<std::string> landmarks_;
+  std::vector<std::string> probe_direction_;
+};
+
+/// Middle of the samples, US frame.
+Eigen::Vector3d middle_mm(const BeamGrid& beams);
+
+}  // namespace usct::tools

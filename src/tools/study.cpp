@@ -1,0 +1,207 @@
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "commands.h"
+#include "exit_status.h"
+#include "progress_bar.h"
+#include "study_pictures.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/evaluation/study_report.h"
+#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/registration/registration.h"
+#include "us_ct_registration/simulation/ultrasound_beams.h"
+
+namespace usct::tools {
+namespace {
+
+constexpr double kDegree = 0.017453292519943295;
+
+struct StudyCommand {
+  std::vector<std::string> folders;
+  StudyOptions study;
+  double max_rotation_deg = 30.0;
+  double box_mm = -1.0;
+  double box_deg = -1.0;
+  std::string preset = "patient";
+  std::string options;
+  double parallel_beams_mm = 0.0;
+  int threads = omp_get_max_threads();
+  bool one_after_other = false;
+  bool thesis_table = false;
+  std::string output;
+  std::string pictures;
+  bool quiet = false;
+};
+
+void complete(StudyCommand& command) {
+  command.study.max_rotation_rad = command.max_rotation_deg * kDegree;
+  if (command.box_mm >= 0.0 || command.box_deg >= 0.0)
+    command.study.box =
+        MotionBox{std::max(0.0, command.box_deg) * kDegree, std::max(0.0, command.box_mm)};
+  command.study.validate("usct study");
+  // Hours of work must not be lost at the end.
+  const std::filesystem::path folder =
+      std::filesystem::absolute(command.output.empty() ? "." : command.output).parent_path();
+  if (!std::filesystem::is_directory(folder))
+    throw InputError("--output",
+                     "lies in '" + folder.string() + "', must be in a folder that exists");
+  if (!command.pictures.empty()) std::filesystem::create_directories(command.pictures);
+}
+
+/// Of the table: those that starts were spread over, or, for starts from a box, as many that hold
+/// all starts.
+std::vector<double> bin_edges_mm(const StudyOptions& study, const std::vector<Trial>& trials) {
+  double low_mm = study.min_displacement_mm;
+  double high_mm = study.max_displacement_mm;
+  if (study.box) {
+    low_mm = high_mm = 0.0;
+    for (const Trial& trial : trials) high_mm = std::max(high_mm, trial.displacement_mm);
+    high_mm = std::max(1.0, std::ceil(high_mm / study.bins)) * study.bins;
+  }
+  std::vector<double> edges_mm;
+  for (int i = 0; i <= study.bins; ++i)
+    edges_mm.push_back(low_mm + (high_mm - low_mm) * i / study.bins);
+  return edges_mm;
+}
+
+RegistrationOptions options_of(const StudyCommand& command) {
+  RegistrationOptions options =
+      command.options.empty() ? preset(command.preset) : read_registration_options(command.options);
+  options.validate();
+  return options;
+}
+
+Register registers_with(const StudyCommand& command) {
+  BeamOptions beams;
+  if (command.parallel_beams_mm > 0.0) beams.parallel_beams_mm = command.parallel_beams_mm;
+  return [options = options_of(command), beams](const PreScanVolume& ultrasound, const CtVolume& ct,
+                                                const Eigen::Isometry3d& T_us_ct_initial) {
+    return register_ultrasound(beams_of(ultrasound, beams).along, ct, T_us_ct_initial, options);
+  };
+}
+
+std::string as_text(double value) {
+  std::array<char, 32> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%g", value);
+  return buffer.data();
+}
+
+/// What tells one study from another, for its JSON.
+std::map<std::string, std::string> description(const StudyCommand& command) {
+  std::map<std::string, std::string> study{
+      {"options", command.options.empty() ? "preset " + command.preset : command.options},
+      {"starts", std::to_string(command.study.starts)},
+      {"seed", std::to_string(command.study.seed)},
+      {"negatives", command.study.negatives ? "true" : "false"},
+      {"parallel_beams_mm", as_text(command.parallel_beams_mm)},
+      {"one_after_other", command.one_after_other ? "true" : "false"}};
+  if (command.study.box) {
+    study["box_mm"] = as_text(command.study.box->translation_mm);
+    study["box_deg"] = as_text(command.study.box->rotation_rad / kDegree);
+  } else {
+    study["min_displacement_mm"] = as_text(command.study.min_displacement_mm);
+    study["max_displacement_mm"] = as_text(command.study.max_displacement_mm);
+    study["max_rotation_deg"] = as_text(command.max_rotation_deg);
+  }
+  return study;
+}
+
+void print_tables(const StudyCommand& command, const std::vector<StudyCase>& cases,
+                  const std::vector<Trial>& trials, const std::vector<StudyRun>& runs) {
+  if (command.study.negatives) {
+    std::printf("%s", negatives_markdown(runs).c_str());
+    return;
+  }
+  std::printf("%s\n", accuracy_markdown(runs, bin_edges_mm(command.study, trials)).c_str());
+  if (command.thesis_table) std::printf("%s\n", thesis_markdown(cases, runs).c_str());
+  std::printf("%s", calibration_markdown(runs).c_str());
+}
+
+int run_study(StudyCommand command) {
+  complete(command);
+  const Register register_one = registers_with(command);
+  std::vector<StudyCase> cases;
+  for (const std::string& folder : command.folders) cases.push_back(read_study_case(folder));
+  const std::vector<Trial> trials = plan_trials(cases, command.study);
+  const std::vector<StudyRun> runs =
+      run_trials(cases, trials, register_one,
+                 command.one_after_other ? StudyThreads::kWithinTrial : StudyThreads::kOverTrials,
+                 command.threads, progress_bar("study", command.quiet));
+  if (!command.output.empty()) write_study_json(runs, description(command), command.output);
+  if (!command.pictures.empty()) write_study_pictures(cases, runs, command.pictures);
+  print_tables(command, cases, trials, runs);
+  return kDone;
+}
+
+void add_start_options(CLI::App& app, StudyCommand& command) {
+  CLI::App* group = app.add_option_group("Starts");
+  StudyOptions& o = command.study;
+  group->add_option("--starts", o.starts, "per case; with --negatives per case and kind")
+      ->capture_default_str();
+  CLI::Option* low = group->add_option("--min-displacement", o.min_displacement_mm,
+                                       "least mean displacement of the targets, mm");
+  CLI::Option* high = group->add_option("--max-displacement", o.max_displacement_mm,
+                                        "largest mean displacement of the targets, mm");
+  CLI::Option* angle = group->add_option("--max-rotation-deg", command.max_rotation_deg,
+                                         "largest rotation, degrees");
+  for (CLI::Option* option : {low, high, angle}) option->capture_default_str();
+  group->add_option("--bins", o.bins, "of displacement, over which starts are spread evenly")
+      ->capture_default_str();
+  for (CLI::Option* option :
+       {group->add_option("--box-mm", command.box_mm,
+                          "in place of displacements: translations along the axes of the US frame "
+                          "uniform within +- this, mm"),
+        group->add_option(
+            "--box-deg", command.box_deg,
+            "... and angles about these axes through the targets' centroid, degrees")})
+    option->check(CLI::NonNegativeNumber)->excludes(low)->excludes(high)->excludes(angle);
+  group->add_flag(
+      "--negatives", o.negatives,
+      "registrations that must be refused: with the CT of another case of the group, of "
+      "mirrored ultrasound, without overlap, of speckle only, from 60-100 mm");
+  group->add_option("--seed", o.seed, "of the starts")->capture_default_str();
+}
+
+}  // namespace
+
+void add_study_command(CLI::App& app, Run& run) {
+  CLI::App* sub = app.add_subcommand(
+      "study",
+      "Registers cases with known truth from many starts, and tells how far off the results are.\n"
+      "Prints Markdown tables by group (the case's name up to its first '_') of target "
+      "registration\n"
+      "errors (TRE), mm, over targets.csv. A run succeeds if it is accepted with a TRE below 5 "
+      "mm;\n"
+      "shares are of all runs, so that a refusal is no success.");
+  auto command = std::make_shared<StudyCommand>();
+  sub->add_option("cases", command->folders, "folders as `usct phantom` writes them")->required();
+  CLI::Option* preset = sub->add_option("--preset", command->preset,
+                                        "options of the registration by name, see 'usct presets'");
+  preset->capture_default_str();
+  sub->add_option("--options", command->options,
+                  "options as YAML (docs/registration_options.md); may name a preset to change")
+      ->excludes(preset);
+  sub->add_option("--parallel-beams", command->parallel_beams_mm,
+                  "register the scan-converted ultrasound, along parallel beams on a grid of this "
+                  "spacing, mm (the thesis' variant A)")
+      ->check(CLI::PositiveNumber);
+  add_start_options(*sub, *command);
+  sub->add_option("--threads", command->threads,
+                  "registrations at the same time, each on one thread [all cores]")
+      ->check(CLI::PositiveNumber);
+  sub->add_flag("--time", command->one_after_other,
+                "one registration after the other, each on all threads, for seconds that count");
+  sub->add_flag("--thesis-table", command->thesis_table,
+                "a table per case, as tables 5.1 and 5.2 of the thesis");
+  sub->add_option("--output", command->output, "JSON of every run");
+  sub->add_option("--pictures", command->pictures,
+                  "folder for plots and for pictures of the worst run of each group");
+  sub->add_flag("--quiet", command->quiet, "no progress on standard error");
+  sub->callback([command, &run] { run = [command] { return run_study(*command); }; });
+}
+
+}  // namespace usct::tools

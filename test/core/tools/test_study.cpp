@@ -1,0 +1,127 @@
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/tools/run_usct.h"
+
+namespace usct::test {
+namespace {
+
+/// Two tiny phantoms, made once.
+class Study : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    for (const std::string seed : {"1", "2"}) {
+      const Outcome outcome = run_usct({"phantom",
+                                        "--quiet",
+                                        "--scene",
+                                        "agar",
+                                        "--seed",
+                                        seed,
+                                        "--output",
+                                        path("agar_" + seed),
+                                        "--size",
+                                        "60",
+                                        "32",
+                                        "24",
+                                        "--ct-size",
+                                        "70",
+                                        "56",
+                                        "36",
+                                        "--ct-spacing",
+                                        "3",
+                                        "3",
+                                        "4",
+                                        "--ct-format",
+                                        seed == "1" ? "nrrd" : "nii.gz"});
+      ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+    }
+  }
+  static void TearDownTestSuite() { delete folder_; }
+  static std::string path(const std::string& name) { return (folder_->path() / name).string(); }
+
+  static Outcome study(const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"study", path("agar_1"), path("agar_2"), "--preset",
+                                       "fast",  "--quiet",      "--output",     path("study.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_usct(arguments);
+  }
+  /// The JSON of the last study, without what differs from run to run.
+  static nlohmann::json runs() {
+    auto json = nlohmann::json::parse(read_text(path("study.json")));
+    for (auto& run : json["runs"]) run.erase("seconds");
+    return json["runs"];
+  }
+
+ private:
+  static TemporaryFolder* folder_;
+};
+TemporaryFolder* Study::folder_ = nullptr;
+
+TEST_F(Study, RegistersFromEveryStartAndDrawsTheWorst) {
+  const Outcome outcome = study({"--starts", "3", "--max-displacement", "9", "--pictures",
+                                 path("pictures"), "--thesis-table"});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_NE(outcome.output.find("| agar | 6 | "), std::string::npos) << outcome.output;
+  EXPECT_NE(outcome.output.find("from 6-9 mm"), std::string::npos) << outcome.output;
+  EXPECT_NE(outcome.output.find("| agar_2 | 3 | "), std::string::npos) << outcome.output;
+  ASSERT_EQ(runs().size(), 6U);
+  for (const auto& run : runs()) {
+    EXPECT_NEAR(run["before_tre_mm"]["mean"].get<double>(), run["displacement_mm"].get<double>(),
+                1e-6);
+    EXPECT_LE(run["displacement_mm"].get<double>(), 9.0);
+  }
+  for (const char* name : {"tre_cdf.png", "worst_agar/before_after.png"})
+    EXPECT_TRUE(std::filesystem::exists(path("pictures") + "/" + name)) << name;
+}
+
+TEST_F(Study, DoesNotDependOnThreads) {
+  ASSERT_EQ(study({"--starts", "2", "--threads", "1"}).exit_status, 0);
+  const nlohmann::json one = runs();
+  ASSERT_EQ(study({"--starts", "2", "--threads", "3"}).exit_status, 0);
+  EXPECT_EQ(runs(), one);
+  ASSERT_EQ(study({"--starts", "2", "--threads", "2", "--time"}).exit_status, 0);
+  EXPECT_EQ(runs(), one);
+  ASSERT_EQ(study({"--starts", "2", "--seed", "2"}).exit_status, 0);
+  EXPECT_NE(runs(), one);
+}
+
+TEST_F(Study, NegativesAreListedByKind) {
+  const Outcome outcome = study({"--starts", "1", "--negatives"});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  for (const char* kind : {"mismatched", "mirrored", "no overlap", "noise", "far start"})
+    EXPECT_NE(outcome.output.find("| " + std::string(kind) + " | 2 | "), std::string::npos)
+        << outcome.output;
+  EXPECT_NE(outcome.output.find("| no overlap | 2 | 2 (no_overlap 2) | - | 0 |"), std::string::npos)
+      << outcome.output;
+}
+
+TEST_F(Study, StartsFromABoxOfParallelBeams) {
+  const Outcome outcome =
+      study({"--starts", "2", "--box-mm", "4", "--box-deg", "3", "--parallel-beams", "2"});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_EQ(runs().size(), 4U);
+}
+
+TEST_F(Study, BadArgumentsEndWithStatusTwo) {
+  const auto refused = [](const std::vector<std::string>& more, const std::string& named) {
+    const Outcome outcome = study(more);
+    EXPECT_EQ(outcome.exit_status, 2) << outcome.errors;
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  };
+  refused({"--starts", "0"}, "'starts' is 0");
+  refused({"--box-mm", "4", "--max-displacement", "10"}, "excludes");
+  refused({path("agar_3")}, "agar_3");
+  refused({path("agar_1")}, "two are named 'agar_1'");
+  const Outcome unknown = run_usct({"study", path("agar_1"), "--preset", "best"});
+  EXPECT_EQ(unknown.exit_status, 2);
+  EXPECT_NE(unknown.errors.find("best"), std::string::npos) << unknown.errors;
+  const Outcome no_folder =
+      run_usct({"study", path("agar_1"), "--output", path("absent/study.json")});
+  EXPECT_EQ(no_folder.exit_status, 2);
+  EXPECT_NE(no_folder.errors.find("--output"), std::string::npos) << no_folder.errors;
+}
+
+}  // namespace
+}  // namespace usct::test
