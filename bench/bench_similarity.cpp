@@ -138,6 +138,9 @@ BENCHMARK_CAPTURE(evaluate, mattes_mi, SimilarityKind::kMattesMi, 0, 2, 1.0, kNo
 BENCHMARK_CAPTURE(evaluate, nmi, SimilarityKind::kNmi, 0, 2, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, correlation_ratio, SimilarityKind::kCorrelationRatio, 0, 2, 1.0, kNone)
     ->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, joint_correlation_ratio, SimilarityKind::kJointCorrelationRatio, 0, 2,
+                  1.0, kNone)
+    ->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_2x, 2)->Arg(1)->Arg(2)->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_1x, 1)->Arg(1)->Arg(2)->Unit(kMs);
 BENCHMARK_CAPTURE(decimation, decimate_2x, 2)->Arg(1)->Arg(2)->Unit(kMs);

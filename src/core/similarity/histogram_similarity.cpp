@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "similarity/joint_sums.h"
 #include "similarity/patch_kernel.h"
 
 namespace usct {
@@ -166,18 +167,26 @@ class MutualInformation : public Similarity {
   UltrasoundBins us_bins_;
 };
 
+/// Ultrasound minus its mean, per place of UltrasoundPatches::value; not a number where the place
+/// is only filled up.
+struct CentredUltrasound {
+  explicit CentredUltrasound(const UltrasoundPatches& us) : value(ultrasound_of(us)) {
+    const auto mean = static_cast<float>(mean_of(us));
+    for (float& u : value) {
+      u -= mean;
+      if (!std::isnan(u)) square_sum += static_cast<double>(u) * u;
+    }
+  }
+  std::vector<float> value;
+  double square_sum = 0.0;
+};
+
 /// eta^2 = 1 - E[Var(U | CT)] / Var(U).
 class CorrelationRatio : public Similarity {
  public:
   CorrelationRatio(std::shared_ptr<const UltrasoundPatches> us, std::shared_ptr<const PackedCt> ct,
                    const SimilarityOptions& options)
-      : us_(std::move(us)), ct_(std::move(ct)), options_(options), value_(ultrasound_of(*us_)) {
-    const auto mean = static_cast<float>(mean_of(*us_));
-    for (float& value : value_) {
-      value -= mean;
-      if (!std::isnan(value)) square_sum_ += static_cast<double>(value) * value;
-    }
-  }
+      : us_(std::move(us)), ct_(std::move(ct)), options_(options), centred_(*us_) {}
 
   SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
                            const AcquisitionErrors& errors) const override {
@@ -186,7 +195,7 @@ class CorrelationRatio : public Similarity {
     SimilarityValue result;
     result.overlap = for_samples(kernel_input(*us_, *ct_, T_ct_us, errors, options_.channel),
                                  options_.scalar, [&](std::size_t place, float ct) {
-                                   const float value = value_[place];
+                                   const float value = centred_.value[place];
                                    if (std::isnan(value)) return;
                                    const float at = ct * scale;
                                    const int bin =
@@ -200,7 +209,7 @@ class CorrelationRatio : public Similarity {
     double explained = 0.0;
     for (const Bin& bin : bins)
       if (bin.count > 0.0) explained += bin.sum * bin.sum / bin.count;
-    result.value = std::clamp(explained / square_sum_, 0.0, 1.0);
+    result.value = std::clamp(explained / centred_.square_sum, 0.0, 1.0);
     return result;
   }
 
@@ -217,44 +226,32 @@ class CorrelationRatio : public Similarity {
   std::shared_ptr<const UltrasoundPatches> us_;
   std::shared_ptr<const PackedCt> ct_;
   SimilarityOptions options_;
-  std::vector<float> value_;  // ultrasound minus its mean; not a number where filled up
-  double square_sum_ = 0.0;
+  CentredUltrasound centred_;
 };
 
-/// How much of the ultrasound's variance a function of CT value and gradient explains.
+/// eta^2 given CT value and gradient.
 class JointCorrelationRatio : public Similarity {
  public:
   JointCorrelationRatio(std::shared_ptr<const UltrasoundPatches> us,
                         std::shared_ptr<const PackedCt> ct, const SimilarityOptions& options)
-      : us_(std::move(us)), ct_(std::move(ct)), options_(options), value_(ultrasound_of(*us_)) {
-    const auto mean = static_cast<float>(mean_of(*us_));
-    for (float& value : value_) {
-      value -= mean;
-      if (!std::isnan(value)) square_sum_ += static_cast<double>(value) * value;
-    }
-  }
+      : us_(std::move(us)), ct_(std::move(ct)), options_(options), centred_(*us_) {}
 
   SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
                            const AcquisitionErrors& errors) const override {
-    const PatchKernelInput input =
-        kernel_input(*us_, *ct_, T_ct_us, errors, GradientChannel::kMagnitude);
-    const auto add = options_.scalar ? add_joint_scalar : add_joint_simd;
-    JointSums sums(options_.bins, options_.gradient_bins,
-                   options_.gradient_scale_hu_per_mm / ct_->step_hu());
-    std::size_t inside = 0;
-    for (std::size_t block = 0; block < us_->blocks.size(); ++block)
-      inside += add(input, block, value_.data(), sums);
+    const JointSumsInput input{kernel_input(*us_, *ct_, T_ct_us, errors, options_.channel),
+                               centred_.value.data(), options_.bins, options_.gradient_bins,
+                               options_.gradient_scale_hu_per_mm};
+    const JointSums sums = (options_.scalar ? joint_sums_scalar : joint_sums_simd)(input);
     SimilarityValue result;
-    result.overlap = static_cast<double>(inside) / static_cast<double>(us_->count);
-    if (inside == 0) return result;
+    result.overlap = sums.inside / static_cast<double>(us_->count);
+    if (!(sums.inside > 0.0)) return result;
     // A knot that few samples share explains them by chance: it is held to the mean of all.
     constexpr double kPriorSamples = 10.0;
     double explained = 0.0;
-    for (std::size_t knot = 0; knot < sums.table_size() / 2; ++knot) {
-      const double sum = sums.total(knot, 0);
-      explained += sum * sum / (sums.total(knot, 1) + kPriorSamples);
-    }
-    result.value = std::clamp(explained / square_sum_, 0.0, 1.0);
+    for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
+      explained +=
+          sums.ultrasound[knot] * sums.ultrasound[knot] / (sums.count[knot] + kPriorSamples);
+    result.value = explained / centred_.square_sum;
     return result;
   }
 
@@ -262,8 +259,7 @@ class JointCorrelationRatio : public Similarity {
   std::shared_ptr<const UltrasoundPatches> us_;
   std::shared_ptr<const PackedCt> ct_;
   SimilarityOptions options_;
-  std::vector<float> value_;  // ultrasound minus its mean; not a number where filled up
-  double square_sum_ = 0.0;
+  CentredUltrasound centred_;
 };
 
 }  // namespace

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <cstddef>
-#include <vector>
 
 #include "us_ct_registration/similarity/packed_ct.h"
 #include "us_ct_registration/similarity/patch_similarity.h"
@@ -23,6 +22,10 @@ struct PatchKernelInput {
   AcquisitionErrors errors;
   GradientChannel channel;
 };
+
+inline bool is_moved(const AcquisitionErrors& errors) {
+  return errors.depth != 0.0 || errors.sweep != 0.0;
+}
 
 /// Of all samples of the ultrasound.
 inline double mean_of(const UltrasoundPatches& us) {
@@ -58,46 +61,6 @@ void sum_strands_simd(const PatchKernelInput& input, std::size_t first, std::siz
 /// they lie outside, as what fills up the block does. Returns how many lie inside.
 std::size_t sample_block_scalar(const PatchKernelInput& input, std::size_t block, float* values);
 std::size_t sample_block_simd(const PatchKernelInput& input, std::size_t block, float* values);
-
-/// Sums of ultrasound over a grid of knots in CT value (rows, evenly over the bytes) and gradient
-/// (columns, evenly in t = g / (g + scale) from 0 to 1, since steep gradients are rare and echo
-/// alike). A sample is shared by the four knots around it, bilinearly, so that the sums are
-/// continuous in the pose.
-struct JointSums {
-  /// Neighbouring samples often share a knot: each has a table of its own, so that one need not
-  /// wait for the other's sum.
-  static constexpr std::size_t kTables = 4;
-
-  JointSums(int rows_in, int columns_in, double gradient_scale_in)
-      : rows(rows_in),
-        columns(columns_in),
-        gradient_scale(static_cast<float>(gradient_scale_in)),
-        tables(kTables * table_size()) {}
-
-  std::size_t table_size() const {
-    return 2 * static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns);
-  }
-  /// Over all tables: of a knot's ultrasound (0) or samples (1).
-  double total(std::size_t knot, std::size_t which) const {
-    double sum = 0.0;
-    for (std::size_t t = 0; t < kTables; ++t)
-      sum += static_cast<double>(tables[t * table_size() + 2 * knot + which]);
-    return sum;
-  }
-
-  int rows;
-  int columns;
-  float gradient_scale;       // steps of a byte per mm
-  std::vector<float> tables;  // per table and knot: ultrasound, samples
-};
-
-/// Adds the samples of a block. `ultrasound` is per place of UltrasoundPatches::value, not a number
-/// where the place is only filled up. Outside the CT samples count as the background without
-/// gradient. Returns how many lie inside.
-std::size_t add_joint_scalar(const PatchKernelInput& input, std::size_t block,
-                             const float* ultrasound, JointSums& sums);
-std::size_t add_joint_simd(const PatchKernelInput& input, std::size_t block,
-                           const float* ultrasound, JointSums& sums);
 
 /// Added to variances of m and g, as a share of their mean squares: what the rounding of the sums
 /// may make of nothing.

@@ -246,6 +246,8 @@ std::shared_ptr<const Similarity> make_patch_similarity(
     std::shared_ptr<const UltrasoundPatches> ultrasound, std::shared_ptr<const PackedCt> ct,
     const SimilarityOptions& options) {
   options.validate();
+  if (options.kind == SimilarityKind::kSimulatedLc2)
+    throw InputError("similarity options", "'kind' is simulated_lc2, must be one with patches");
   if (ultrasound->patches.empty())
     throw InputError("ultrasound", "has no patch with structure, must have one at least");
   switch (options.kind) {
@@ -262,7 +264,7 @@ std::shared_ptr<const Similarity> make_patch_similarity(
     case SimilarityKind::kJointCorrelationRatio:
       return make_joint_correlation_ratio(std::move(ultrasound), std::move(ct), options);
     case SimilarityKind::kSimulatedLc2:
-      throw InputError("similarity options", "'kind' is simulated_lc2, must be one with patches");
+      break;
   }
   throw InputError("similarity options", "'kind' is unknown, must be a SimilarityKind");
 }

@@ -87,11 +87,11 @@ void randomise(PatchOptions& o) {
   share = between(0.01, 1);
 }
 void randomise(SimilarityOptions& o) {
-  auto& [kind, channel, patches, weighting, ridge, ridge_gradient, positive, power, bins, scalar] =
-      o;
-  kind =
-      one_of({SimilarityKind::kLocalLc2, SimilarityKind::kGlobalLc2, SimilarityKind::kNcc,
-              SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio});
+  auto& [kind, channel, patches, weighting, ridge, ridge_gradient, positive, power, bins,
+         gradient_bins, gradient_scale, scalar] = o;
+  kind = one_of({SimilarityKind::kLocalLc2, SimilarityKind::kGlobalLc2, SimilarityKind::kNcc,
+                 SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio,
+                 SimilarityKind::kJointCorrelationRatio, SimilarityKind::kSimulatedLc2});
   channel = one_of({GradientChannel::kMagnitude, GradientChannel::kAlongBeam});
   randomise(patches);
   weighting =
@@ -101,6 +101,8 @@ void randomise(SimilarityOptions& o) {
   positive = any_bool();
   power = between(0.25, 8);
   bins = any_int(8, 129);
+  gradient_bins = any_int(2, 33);
+  gradient_scale = between(0.1, 100);
   scalar = any_bool();
 }
 void randomise(StartOptions& o) {
@@ -122,27 +124,79 @@ void randomise(OptimizerOptions& o) {
   cost = between(0, 1);
   population = any_bool() ? 0 : any_int(5, 100);
 }
+void randomise(SimulationOptions& o) {
+  auto& [interpolation, outside, window, shift, floor, length, transmission, occlusion, compression,
+         log_a, scale, is_signed, map] = o;
+  interpolation = one_of({Interpolation::kNearest, Interpolation::kTrilinear});
+  outside = between(-100, 100);
+  if (any_bool()) randomise(window.emplace());
+  shift = between(900, 1100);
+  floor = between(1, 100);
+  length = between(0.1, 3);
+  if (any_bool()) transmission = between(0.1, 3);
+  occlusion.by_threshold = any_bool();
+  occlusion.bone_hu = between(300, 900);
+  occlusion.gas_hu = between(-900, -300);
+  occlusion.gradient_hu_per_mm =
+      any_bool() ? std::numeric_limits<double>::infinity() : between(100, 900);
+  compression = one_of({LogCompression::kReflection, LogCompression::kIntensity});
+  log_a = between(1, 30);
+  scale = between(1, 200);
+  is_signed = any_bool();
+  map = {between(0.5, 2), between(-2000, -1000), any_bool()};
+}
+void randomise(FitOptions& o) {
+  auto& [weights, use_background, min_overlap] = o;
+  if (any_bool()) weights = SimulationWeights{between(-2, 2), between(-2, 2), between(-9, 9)};
+  use_background = any_bool();
+  min_overlap = between(0, 1);
+}
+void randomise(ConfidenceOptions& o) {
+  auto& [min_overlap, background, background_mm, significance, confirmation_similarity,
+         confirmation, margin, disagreement, displacement, expected, factor, systematic] = o;
+  min_overlap = between(0, 1);
+  background = any_int(16, 500);
+  background_mm = between(1, 50);
+  significance = between(-9, 99);
+  randomise(confirmation_similarity);
+  confirmation = between(-9, 99);
+  margin = between(0, 1);
+  disagreement = between(0, 9);
+  displacement = any_bool() ? std::numeric_limits<double>::infinity() : between(1, 99);
+  expected = between(0, 9);
+  factor = between(0.1, 9);
+  systematic = between(0, 3);
+}
 void randomise(StageOptions& o) {
   auto& [spacing, similarity, starts, optimised, kept, optimizer, reach, depth, sweep] = o;
+  // Only the first stage may have starts, only the last may estimate errors.
+  static_cast<void>(starts);
+  static_cast<void>(depth);
+  static_cast<void>(sweep);
   spacing = between(0.1, 10);
   randomise(similarity);
-  if (any_bool()) randomise(starts.emplace());
   optimised = any_int(1, 100);
   kept = any_int(1, optimised + 1);
   randomise(optimizer);
   reach = between(10, 100);
-  depth = between(0, 0.1);
-  sweep = between(0, 0.1);
 }
 RegistrationOptions any_options() {
   RegistrationOptions options;
-  auto& [window, outside_hu, spacing, conditioning, stages, distinct_mm, seed] = options;
+  auto& [window, outside_hu, spacing, conditioning, simulation, fit, stages, rounds, distinct_mm,
+         confidence, seed] = options;
   randomise(window);
   outside_hu = any_int(0, 2);
   spacing = between(0.1, 5);
   randomise(conditioning);
   stages.resize(static_cast<std::size_t>(any_int(1, 5)));
   for (StageOptions& stage : stages) randomise(stage);
+  if (any_bool()) randomise(stages.front().starts.emplace());
+  stages.back().depth_error = between(0, 0.1);
+  stages.back().sweep_error = between(0, 0.1);
+  randomise(simulation);
+  randomise(fit);
+  rounds = any_int(1, 7);
+  randomise(confidence);
   distinct_mm = between(0, 10);
   seed = *rc::gen::arbitrary<std::uint32_t>();
   return options;
@@ -172,7 +226,8 @@ bool same(const SimilarityOptions& a, const SimilarityOptions& b) {
          a.weighting == b.weighting && a.ridge_intensity_hu == b.ridge_intensity_hu &&
          a.ridge_gradient_hu_per_mm == b.ridge_gradient_hu_per_mm &&
          a.positive_gradient == b.positive_gradient && a.power == b.power && a.bins == b.bins &&
-         a.scalar == b.scalar;
+         a.gradient_bins == b.gradient_bins &&
+         a.gradient_scale_hu_per_mm == b.gradient_scale_hu_per_mm && a.scalar == b.scalar;
 }
 bool same(const StartOptions& a, const StartOptions& b) {
   return a.region == b.region && a.count == b.count &&
@@ -191,13 +246,43 @@ bool same(const StageOptions& a, const StageOptions& b) {
          a.kept == b.kept && same(a.optimizer, b.optimizer) && a.reach_mm == b.reach_mm &&
          a.depth_error == b.depth_error && a.sweep_error == b.sweep_error;
 }
+bool same(const SimulationOptions& a, const SimulationOptions& b) {
+  return a.interpolation == b.interpolation && a.outside_hu == b.outside_hu &&
+         a.window.has_value() == b.window.has_value() &&
+         (!a.window || same(*a.window, *b.window)) && a.hu_shift == b.hu_shift &&
+         a.mu_floor == b.mu_floor && a.gradient_length_mm == b.gradient_length_mm &&
+         a.transmission_length_mm == b.transmission_length_mm &&
+         a.occlusion.by_threshold == b.occlusion.by_threshold &&
+         a.occlusion.bone_hu == b.occlusion.bone_hu && a.occlusion.gas_hu == b.occlusion.gas_hu &&
+         a.occlusion.gradient_hu_per_mm == b.occlusion.gradient_hu_per_mm &&
+         a.log_compression == b.log_compression && a.log_a == b.log_a &&
+         a.reflection_scale == b.reflection_scale && a.signed_reflection == b.signed_reflection &&
+         a.map.slope == b.map.slope && a.map.offset == b.map.offset && a.map.clamp == b.map.clamp;
+}
+bool same(const FitOptions& a, const FitOptions& b) {
+  return a.fixed_weights.has_value() == b.fixed_weights.has_value() &&
+         (!a.fixed_weights || (a.fixed_weights->mapped_ct == b.fixed_weights->mapped_ct &&
+                               a.fixed_weights->reflection == b.fixed_weights->reflection &&
+                               a.fixed_weights->bias == b.fixed_weights->bias)) &&
+         a.use_background == b.use_background && a.min_overlap == b.min_overlap;
+}
+bool same(const ConfidenceOptions& a, const ConfidenceOptions& b) {
+  return a.min_overlap == b.min_overlap && a.background == b.background &&
+         a.background_mm == b.background_mm && a.min_significance == b.min_significance &&
+         same(a.confirmation, b.confirmation) && a.min_confirmation == b.min_confirmation &&
+         a.min_margin == b.min_margin && a.max_disagreement_mm == b.max_disagreement_mm &&
+         a.max_displacement_mm == b.max_displacement_mm &&
+         a.max_expected_error_mm == b.max_expected_error_mm &&
+         a.deviation_factor == b.deviation_factor && a.systematic_mm == b.systematic_mm;
+}
 bool same(const RegistrationOptions& a, const RegistrationOptions& b) {
   return same(a.window, b.window) && a.outside_hu == b.outside_hu &&
          a.conditioning_spacing_mm == b.conditioning_spacing_mm &&
          same(a.conditioning, b.conditioning) && a.stages.size() == b.stages.size() &&
          std::equal(a.stages.begin(), a.stages.end(), b.stages.begin(),
                     [](const StageOptions& x, const StageOptions& y) { return same(x, y); }) &&
-         a.distinct_mm == b.distinct_mm && a.seed == b.seed;
+         same(a.simulation, b.simulation) && same(a.fit, b.fit) && a.rounds == b.rounds &&
+         same(a.confidence, b.confidence) && a.distinct_mm == b.distinct_mm && a.seed == b.seed;
 }
 
 RC_GTEST_PROP(RegistrationOptionsIo, EveryFieldComesBackFromAFile, ()) {

@@ -161,10 +161,15 @@ inline Eigen::Isometry3d random_small_pose(double turn_rad, double reach_mm) {
   return T;
 }
 
+/// All that are made of patches.
 inline const std::vector<SimilarityKind>& all_kinds() {
-  static const std::vector<SimilarityKind> kinds = {
-      SimilarityKind::kLocalLc2, SimilarityKind::kGlobalLc2, SimilarityKind::kNcc,
-      SimilarityKind::kMattesMi, SimilarityKind::kNmi,       SimilarityKind::kCorrelationRatio};
+  static const std::vector<SimilarityKind> kinds = {SimilarityKind::kLocalLc2,
+                                                    SimilarityKind::kGlobalLc2,
+                                                    SimilarityKind::kNcc,
+                                                    SimilarityKind::kMattesMi,
+                                                    SimilarityKind::kNmi,
+                                                    SimilarityKind::kCorrelationRatio,
+                                                    SimilarityKind::kJointCorrelationRatio};
   return kinds;
 }
 

@@ -5,6 +5,7 @@
 
 #include "core/similarity/instructions.h"
 #include "core/similarity/patch_scenes.h"
+#include "similarity/joint_sums.h"
 #include "similarity/patch_kernel.h"
 
 namespace usct::test {
@@ -95,6 +96,34 @@ RC_GTEST_PROP(PatchKernel, ValuesAreTheReferenceWithAllInstructions, ()) {
       RC_ASSERT(differ <= 1);
       RC_ASSERT(std::max(other, inside) - std::min(other, inside) <= 1);
     }
+  }
+}
+
+RC_GTEST_PROP(PatchKernel, JointSumsAreTheReferenceWithAllInstructions, ()) {
+  const Scene scene = random_scene();
+  RC_PRE(!scene.us.patches.empty());
+  std::vector<float> ultrasound(scene.us.value.begin(), scene.us.value.end());
+  for (std::size_t place = 0; place < ultrasound.size(); ++place)
+    if (scene.us.x_mm[place] == UltrasoundPatches::kNowhere) ultrasound[place] = std::nanf("");
+  const AcquisitionErrors errors{*rc::gen::arbitrary<bool>() ? 0.0 : uniform(-0.1, 0.1), 0.0};
+  const JointSumsInput input{scene.input(random_kernel_pose(), errors, GradientChannel::kMagnitude),
+                             ultrasound.data(), integer(8, 65), integer(2, 33),
+                             uniform(5.0, 100.0)};
+  const JointSums expected = joint_sums_scalar(input);
+  double count = 0.0;
+  for (const double c : expected.count) count += c;
+  RC_ASSERT(std::abs(count - static_cast<double>(scene.us.count)) < 1e-3);
+  for (const std::int64_t target : Instructions::all()) {
+    const Instructions instructions(target);
+    const JointSums sums = joint_sums_simd(input);
+    RC_ASSERT(std::abs(sums.inside - expected.inside) <= 2.0);
+    double counts = 0.0, values = 0.0;
+    for (std::size_t knot = 0; knot < sums.count.size(); ++knot) {
+      counts += std::abs(sums.count[knot] - expected.count[knot]);
+      values += std::abs(sums.ultrasound[knot] - expected.ultrasound[knot]);
+    }
+    RC_ASSERT(counts < 1e-3 * static_cast<double>(scene.us.count) + 2.0);
+    RC_ASSERT(values < 2e-2 * static_cast<double>(scene.us.count) + 100.0);
   }
 }
 

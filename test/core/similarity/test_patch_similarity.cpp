@@ -307,6 +307,34 @@ TEST(PatchSimilarity, CorrelationRatioIsTheVarianceOfConditionalMeans) {
   EXPECT_NEAR(c.value().value, 100.0 / 500.0, 1e-6);
 }
 
+RC_GTEST_PROP(PatchSimilarity, JointCorrelationRatioIsThatOfItsKnotsByDefinition, ()) {
+  Case c = random_case();
+  c.options.kind = SimilarityKind::kJointCorrelationRatio;
+  c.options.channel = GradientChannel::kMagnitude;
+  c.options.gradient_bins = integer(2, 33);
+  c.options.gradient_scale_hu_per_mm = uniform(5.0, 100.0);
+  const auto samples = all_of(seen_by(c));
+  RC_PRE(share_inside(samples) > 0.05);
+  const double mean = mean_u(samples);
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(c.options.bins, c.options.gradient_bins);
+  Eigen::MatrixXd count = sum;
+  const auto tent = [](double x) { return std::max(0.0, 1.0 - std::abs(x)); };
+  for (const Seen& s : samples) {
+    const double row = (s.ct_hu + 150.0) / 510.0 * (c.options.bins - 1);
+    const double column = s.gradient / (s.gradient + c.options.gradient_scale_hu_per_mm) *
+                          (c.options.gradient_bins - 1);
+    for (Eigen::Index i = 0; i < sum.rows(); ++i)
+      for (Eigen::Index j = 0; j < sum.cols(); ++j) {
+        const double weight = tent(double(i) - row) * tent(double(j) - column);
+        sum(i, j) += weight * (s.u - mean);
+        count(i, j) += weight;
+      }
+  }
+  const double explained = (sum.array().square() / (count.array() + 10.0)).sum();
+  const double all = variance_u(samples) * static_cast<double>(samples.size());
+  RC_ASSERT(std::abs(c.value().value - explained / all) < kTolerance);
+}
+
 TEST(PatchSimilarity, NoKindDependsOnGainAndOffset) {
   for (const SimilarityKind kind : all_kinds()) {
     const Case c = make_case(kind);
@@ -349,7 +377,7 @@ TEST(PatchSimilarity, NoTwoKindsAreTheSame) {
 
 RC_GTEST_PROP(PatchSimilarity, PartsSumToTheValue, ()) {
   Case c = random_case();
-  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 6))];
+  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 7))];
   RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
   const auto similarity = similarity_of(c.us, c.ct, c.options);
   const AcquisitionErrors errors{uniform(-0.02, 0.02), uniform(-0.02, 0.02)};
@@ -393,7 +421,7 @@ TEST(PatchSimilarity, OutsideTheCtThereIsNoValue) {
 
 RC_GTEST_PROP(PatchSimilarity, MovingCtAndPoseTogetherChangesNothing, ()) {
   Case c = random_case();
-  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 6))];
+  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 7))];
   c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = 20.0;
   RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
   const double before = c.value().value;
@@ -466,6 +494,7 @@ TEST(PatchSimilarity, SameBitsFromSeveralThreads) {
 TEST(PatchSimilarity, NamesOfKindsAreRead) {
   for (const SimilarityKind kind : all_kinds())
     EXPECT_EQ(parse_kind(kind_name(kind), "test"), kind);
+  EXPECT_EQ(parse_kind("simulated_lc2", "test"), SimilarityKind::kSimulatedLc2);
   EXPECT_THROW(parse_kind("mi", "test"), InputError);
 }
 
@@ -480,6 +509,9 @@ TEST(PatchSimilarity, RefusesOptionsThatAreWrongAndUltrasoundWithoutStructure) {
   refuse([](Case& c) { c.options.power = 0.1; });
   refuse([](Case& c) { c.options.bins = 7; });
   refuse([](Case& c) { c.options.bins = 129; });
+  refuse([](Case& c) { c.options.gradient_bins = 1; });
+  refuse([](Case& c) { c.options.gradient_scale_hu_per_mm = 0.0; });
+  refuse([](Case& c) { c.options.kind = SimilarityKind::kSimulatedLc2; });
   refuse([](Case& c) { c.us.brightness.assign(c.us.brightness.size(), 1.0F); });
 }
 

@@ -1,0 +1,126 @@
+// Vectors of unknown size cannot be members; NEON serves the machines that have SVE as well.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+// Compiled once per instruction set; the best that the machine has is chosen at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "similarity/joint_sums_simd.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include <algorithm>
+
+#include "similarity/joint_sums.h"
+#include "similarity/sample_packed_ct-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace usct::HWY_NAMESPACE {
+
+#if HWY_TARGET == HWY_SCALAR
+JointSums joint_sums(const JointSumsInput& in) { return joint_sums_scalar(in); }
+#else
+
+/// Neighbouring samples often share a knot; each of them has a table of its own, so that one need
+/// not wait for the other's sum.
+constexpr std::size_t kTables = 4;
+constexpr std::size_t kPerKnot = 2;  // ultrasound, count
+
+/// Samples after which the tables, in single precision, are added to sums in double precision.
+constexpr std::size_t kBeforeFlush = 1 << 15;
+
+/// Where each lane's sample goes: what its row's two knots get, times 1 - `along` (this row) and
+/// `along` (the next).
+struct Shares {
+  alignas(64) float knots[4 * 16];
+  alignas(64) float along[16];
+  alignas(64) std::int32_t at[16];
+};
+
+HWY_INLINE void share(const JointSumsInput& in, VF value, VF gradient, VF scale, VF ultrasound,
+                      Shares& shares) {
+  // What is filled up has no ultrasound, and no weight.
+  const MF known = hn::Eq(ultrasound, ultrasound);
+  const VF u = hn::IfThenElseZero(known, ultrasound);
+  const VF row = hn::Mul(value, hn::Set(df, static_cast<float>(in.rows - 1) / 255.0F));
+  const VF column = hn::Mul(hn::Div(gradient, hn::Add(gradient, scale)),
+                            hn::Set(df, static_cast<float>(in.columns - 1)));
+  const auto r = hn::Min(hn::ConvertTo(di, row), hn::Set(di, in.rows - 2));
+  const auto c = hn::Min(hn::ConvertTo(di, column), hn::Set(di, in.columns - 2));
+  const VF share_next = hn::Sub(column, hn::ConvertTo(df, c));
+  const VF along_column = hn::IfThenElseZero(known, share_next);
+  const VF rest = hn::IfThenElseZero(known, hn::Sub(hn::Set(df, 1.0F), share_next));
+  hn::StoreInterleaved4(hn::Mul(rest, u), rest, hn::Mul(along_column, u), along_column, df,
+                        shares.knots);
+  hn::Store(hn::Sub(row, hn::ConvertTo(df, r)), df, shares.along);
+  hn::Store(hn::Add(hn::Mul(r, hn::Set(di, in.columns)), c), di, shares.at);
+}
+
+HWY_INLINE void add(const Shares& shares, std::size_t lane, std::size_t row_stride, float* table) {
+  const hn::FixedTag<float, 4> d4;
+  float* here = table + kPerKnot * static_cast<std::size_t>(shares.at[lane]);
+  float* next = here + row_stride;
+  const auto knots = hn::Load(d4, shares.knots + 4 * lane);
+  const auto along = hn::Set(d4, shares.along[lane]);
+  hn::StoreU(hn::MulAdd(knots, along, hn::LoadU(d4, next)), d4, next);
+  hn::StoreU(hn::Add(hn::NegMulAdd(knots, along, knots), hn::LoadU(d4, here)), d4, here);
+}
+
+void flush(std::vector<float>& tables, JointSums& sums) {
+  const std::size_t table_size = tables.size() / kTables;
+  for (std::size_t i = 0; i < tables.size(); i += kPerKnot) {
+    const std::size_t knot = i % table_size / kPerKnot;
+    sums.ultrasound[knot] += static_cast<double>(tables[i]);
+    sums.count[knot] += static_cast<double>(tables[i + 1]);
+  }
+  std::fill(tables.begin(), tables.end(), 0.0F);
+}
+
+template <bool kMoved>
+JointSums sum_all(const JointSumsInput& in) {
+  const UltrasoundPatches& us = in.samples.us;
+  const Constants constants(in.samples);
+  const std::size_t knots =
+      static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
+  const std::size_t row_stride = kPerKnot * static_cast<std::size_t>(in.columns);
+  const std::size_t table_size = kPerKnot * knots;
+  std::vector<float> tables(kTables * table_size);
+  JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
+  const VF scale =
+      hn::Set(df, static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu()));
+  const VF background = hn::Set(df, constants.background);
+  std::size_t inside = 0;
+  Shares shares;
+  for (std::size_t s = 0; s < us.value.size(); s += hn::Lanes(df)) {
+    const Cells cells = fetch<kMoved>(us, constants, s);
+    const Sampled ct = interpolate(cells);
+    inside += hn::CountTrue(df, cells.inside);
+    share(in, hn::IfThenElse(cells.inside, ct.value, background),
+          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)), scale,
+          hn::LoadU(df, in.ultrasound + s), shares);
+    for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
+      add(shares, lane, row_stride, tables.data() + (lane % kTables) * table_size);
+    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(tables, sums);
+  }
+  flush(tables, sums);
+  sums.inside = static_cast<double>(inside);
+  return sums;
+}
+
+JointSums joint_sums(const JointSumsInput& in) {
+  return is_moved(in.samples.errors) ? sum_all<true>(in) : sum_all<false>(in);
+}
+
+#endif
+
+}  // namespace usct::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace usct {
+
+HWY_EXPORT(joint_sums);
+
+JointSums joint_sums_simd(const JointSumsInput& input) {
+  return HWY_DYNAMIC_DISPATCH(joint_sums)(input);
+}
+
+}  // namespace usct
+#endif

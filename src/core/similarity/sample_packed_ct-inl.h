@@ -1,0 +1,174 @@
+// Sampling of a packed CT at ultrasound, for all lanes at once. Compiled once per instruction set:
+// included by the kernels after hwy/foreach_target.h, hence the guard that toggles.
+#if defined(USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_
+#undef USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_
+#else
+#define USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_
+#endif
+
+#include <hwy/highway.h>
+
+#include "similarity/patch_kernel.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace usct::HWY_NAMESPACE {
+
+// A machine of which Highway knows no vector instructions runs the reference.
+#if HWY_TARGET != HWY_SCALAR
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+const hn::CappedTag<float, kLanes> df;
+const hn::RebindToSigned<decltype(df)> di;
+const hn::RebindToUnsigned<decltype(df)> du;
+const hn::Half<decltype(di)> di_half;
+const hn::RepartitionToWide<decltype(di)> di64;
+const hn::RepartitionToWide<decltype(du)> du64;
+using VF = hn::Vec<decltype(df)>;
+using VI = hn::Vec<decltype(di)>;
+using VU = hn::Vec<decltype(du)>;
+using MF = hn::Mask<decltype(df)>;
+
+/// What stays the same for all samples.
+struct Constants {
+  explicit Constants(const PatchKernelInput& in) {
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) m[r][c] = static_cast<float>(in.T_index_us.linear()(r, c));
+      origin[r] = static_cast<float>(in.T_index_us.translation()[r]);
+      cells[r] = static_cast<float>(in.ct.grid().size[r] - 1);
+      per_mm[r] = static_cast<float>(1.0 / in.ct.grid().spacing_mm[r]);
+    }
+    words = in.ct.cells().data();
+    stride_j = static_cast<std::int32_t>(in.ct.cell_stride_j());
+    rows = static_cast<float>(in.ct.grid().size.y() - 1);
+    background = static_cast<float>(in.ct.background());
+    depth_error = static_cast<float>(in.errors.depth);
+    sweep_error = static_cast<float>(in.errors.sweep);
+  }
+  const std::uint64_t* words;
+  float m[3][3];
+  float origin[3];
+  float cells[3];
+  float per_mm[3];
+  std::int32_t stride_j;  // cells per row
+  float rows;             // per slice
+  float background;
+  float depth_error, sweep_error;
+};
+
+HWY_INLINE VF turned(const float* row, VF x, VF y, VF z, VF plus) {
+  return hn::MulAdd(hn::Set(df, row[0]), x,
+                    hn::MulAdd(hn::Set(df, row[1]), y, hn::MulAdd(hn::Set(df, row[2]), z, plus)));
+}
+
+HWY_INLINE VF lerp(VF a, VF b, VF t) { return hn::MulAdd(t, hn::Sub(b, a), a); }
+
+template <int kByte>
+HWY_INLINE VF byte_of(VU word) {
+  const VU shifted = hn::ShiftRight<8 * kByte>(word);
+  const VU byte = kByte == 3 ? shifted : hn::And(shifted, hn::Set(du, 0xFFU));
+  return hn::ConvertTo(df, hn::BitCast(di, byte));
+}
+
+/// Whole numbers in [0, 2^23) as integers; less work than a conversion that minds overflow.
+HWY_INLINE VI whole(VF value) {
+  const VF offset = hn::Set(df, 8388608.0F);  // 2^23: what follows the binary point drops out
+  return hn::Sub(hn::BitCast(di, hn::Add(value, offset)), hn::BitCast(di, offset));
+}
+
+/// Positions where AcquisitionErrors move the samples to.
+HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_t s, VF& x, VF& y,
+                     VF& z) {
+  const VF along = hn::Mul(hn::Set(df, k.depth_error), hn::LoadU(df, us.depth_mm.data() + s));
+  const VF sweep = hn::Set(df, k.sweep_error);
+  const auto moved = [&](VF p, const LargeVector<float>& direction,
+                         const LargeVector<float>& motion) HWY_ATTR {
+    return hn::MulAdd(along, hn::LoadU(df, direction.data() + s),
+                      hn::MulAdd(sweep, hn::LoadU(df, motion.data() + s), p));
+  };
+  x = moved(x, us.direction_x, us.sweep_x);
+  y = moved(y, us.direction_y, us.sweep_y);
+  z = moved(z, us.direction_z, us.sweep_z);
+}
+
+/// The corners of cells as bytes (k = 0 in `low`, 1 in `high`), and where in them samples lie.
+struct Cells {
+  MF inside;
+  VU low, high;
+  VF ti, tj, tk;
+};
+
+template <bool kMoved>
+HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
+  const VF zero = hn::Zero(df);
+  VF px = hn::LoadU(df, us.x_mm.data() + s);
+  VF py = hn::LoadU(df, us.y_mm.data() + s);
+  VF pz = hn::LoadU(df, us.z_mm.data() + s);
+  if (kMoved) move(us, k, s, px, py, pz);
+  const VF x = turned(k.m[0], px, py, pz, hn::Set(df, k.origin[0]));
+  const VF y = turned(k.m[1], px, py, pz, hn::Set(df, k.origin[1]));
+  const VF z = turned(k.m[2], px, py, pz, hn::Set(df, k.origin[2]));
+  const MF inside = hn::And(hn::And(hn::And(hn::Ge(x, zero), hn::Lt(x, hn::Set(df, k.cells[0]))),
+                                    hn::And(hn::Ge(y, zero), hn::Lt(y, hn::Set(df, k.cells[1])))),
+                            hn::And(hn::Ge(z, zero), hn::Lt(z, hn::Set(df, k.cells[2]))));
+  const VF fx = hn::Floor(x);
+  const VF fy = hn::Floor(y);
+  const VF fz = hn::Floor(z);
+  const VI row = whole(hn::MulAdd(fz, hn::Set(df, k.rows), fy));
+  const VI cell = hn::IfThenElseZero(hn::RebindMask(di, inside),
+                                     hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j))));
+  const auto first =
+      hn::GatherIndex(du64, k.words, hn::PromoteTo(di64, hn::LowerHalf(di_half, cell)));
+  const auto second =
+      hn::GatherIndex(du64, k.words, hn::PromoteTo(di64, hn::UpperHalf(di_half, cell)));
+  return {inside,
+          hn::ConcatEven(du, hn::BitCast(du, second), hn::BitCast(du, first)),
+          hn::ConcatOdd(du, hn::BitCast(du, second), hn::BitCast(du, first)),
+          hn::Sub(x, fx),
+          hn::Sub(y, fy),
+          hn::Sub(z, fz)};
+}
+
+/// Value, and gradient per voxel.
+struct Sampled {
+  VF value, gi, gj, gk;
+};
+
+HWY_INLINE Sampled interpolate(const Cells& c) {
+  const VF c000 = byte_of<0>(c.low);
+  const VF c010 = byte_of<2>(c.low);
+  const VF c001 = byte_of<0>(c.high);
+  const VF c011 = byte_of<2>(c.high);
+  // Slopes along i on the four edges, then bilinearly between them.
+  const VF s00 = hn::Sub(byte_of<1>(c.low), c000);
+  const VF s10 = hn::Sub(byte_of<3>(c.low), c010);
+  const VF s01 = hn::Sub(byte_of<1>(c.high), c001);
+  const VF s11 = hn::Sub(byte_of<3>(c.high), c011);
+  const VF e00 = hn::MulAdd(c.ti, s00, c000);
+  const VF e10 = hn::MulAdd(c.ti, s10, c010);
+  const VF e01 = hn::MulAdd(c.ti, s01, c001);
+  const VF e11 = hn::MulAdd(c.ti, s11, c011);
+  const VF slope_j0 = hn::Sub(e10, e00);
+  const VF slope_j1 = hn::Sub(e11, e01);
+  const VF face0 = hn::MulAdd(c.tj, slope_j0, e00);
+  const VF face1 = hn::MulAdd(c.tj, slope_j1, e01);
+  const VF gk = hn::Sub(face1, face0);
+  return {hn::MulAdd(c.tk, gk, face0), lerp(lerp(s00, s10, c.tj), lerp(s01, s11, c.tj), c.tk),
+          lerp(slope_j0, slope_j1, c.tk), gk};
+}
+
+/// |grad mu|, in bytes per mm.
+HWY_INLINE VF magnitude(const Constants& k, const Sampled& ct) {
+  const VF gx = hn::Mul(ct.gi, hn::Set(df, k.per_mm[0]));
+  const VF gy = hn::Mul(ct.gj, hn::Set(df, k.per_mm[1]));
+  const VF gz = hn::Mul(ct.gk, hn::Set(df, k.per_mm[2]));
+  return hn::Sqrt(hn::MulAdd(gx, gx, hn::MulAdd(gy, gy, hn::Mul(gz, gz))));
+}
+
+#endif
+
+}  // namespace usct::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
