@@ -29,7 +29,8 @@ std::string calibration_markdown(const std::vector<StudyRun>& runs);
 /// `ct_case`, `kind`, `start` (its number), `displacement_mm`, `T_us_ct_initial` (16 numbers, row
 /// by row), `before_tre_mm` and `tre_mm` (objects with `mean`, `rms`, `max`), `expected_tre_mm`
 /// (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`), and of its result `status`,
-/// `message`, `T_us_ct`, `similarity`, `overlap`, `evaluations`, `seconds` by stage, `options`.
+/// `message`, `T_us_ct`, `similarity`, `overlap`, `evaluations`, `measures`, `seconds` by
+/// stage, `options`.
 /// What is not known is null. Atomic; throws InputError if the folder cannot be written to.
 void write_study_json(const std::vector<StudyRun>& runs,
                       const std::map<std::string, std::string>& study,
