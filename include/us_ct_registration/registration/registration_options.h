@@ -52,10 +52,10 @@ struct ConfidenceOptions {
   /// ... and how far they are spread where the first stage has no starts, mm; > 0.
   double background_mm = 25.0;
   /// Of the decisive stage's similarity (the last but one; the only one if there is one).
-  double min_significance = 15.0;
+  double min_significance = 20.0;
   /// Of a second similarity, that did not choose the pose.
   SimilarityOptions confirmation;
-  double min_confirmation = 5.0;
+  double min_confirmation = 6.0;
   /// How much worse the second best optimum elsewhere (over 10 mm away) must be: the difference as
   /// a share of the best one's height above the background; [0, 1].
   double min_margin = 0.3;
@@ -63,8 +63,9 @@ struct ConfidenceOptions {
   double max_disagreement_mm = 5.0;
   /// Greatest distance from the initial pose, mm (mean displacement); infinite: any.
   double max_displacement_mm = std::numeric_limits<double>::infinity();
-  /// Greatest expected error of the field of view, mm (root mean square).
-  double max_expected_error_mm = 5.0;
+  /// Greatest expected error of the field of view, mm (root mean square). A pose at which the last
+  /// stage has no maximum is refused as well.
+  double max_expected_error_mm = 1.3;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
   /// independent), and what no image shows: mean square displacement of the field by sound speed,
   /// deformation and the like, mm. Both by calibration (docs/accuracy.md).

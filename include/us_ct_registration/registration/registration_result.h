@@ -50,8 +50,9 @@ struct RegistrationResult {
   /// as well.
   std::vector<RegistrationCandidate> candidates;
   /// What the gates judged and the last stage estimated, by name: `significance`, `confirmation`,
-  /// `margin`, `disagreement_mm`, `displacement_mm`, `expected_error_mm`, `depth_error`,
-  /// `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not measured is absent.
+  /// `margin`, `is_maximum` (1 or 0), `disagreement_mm`, `displacement_mm`, `expected_error_mm`,
+  /// `depth_error`, `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not
+  /// measured is absent.
   std::map<std::string, double> measures;
   int evaluations = 0;
   /// Wall time per stage, s.

@@ -149,16 +149,17 @@ Background BackgroundPoses::of(const Similarity& similarity, const Candidate& be
   return background;
 }
 
-std::optional<Matrix6d> pose_covariance(const Similarity& similarity, const Candidate& best,
-                                        const ConfidenceOptions& options, Search& search) {
+PoseAccuracy pose_accuracy(const Similarity& similarity, const Candidate& best,
+                           const ConfidenceOptions& options, Search& search) {
   // Fewer parts than parameters, as of a global similarity, say nothing of how they scatter.
   constexpr std::size_t kLeastParts = 7;
-  if (similarity.parts(best.T_us_ct.inverse(), best.errors).size() < kLeastParts)
-    return std::nullopt;
+  if (similarity.parts(best.T_us_ct.inverse(), best.errors).size() < kLeastParts) return {};
   const PoseParameters pose(best.T_us_ct, search.points_us_mm());
   const Derivatives d = derivatives(Displaced(similarity, best, pose), search);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-d.hessian);
-  if (!(eigen.eigenvalues().minCoeff() > 0.0)) return std::nullopt;
+  PoseAccuracy accuracy;
+  accuracy.is_maximum = eigen.eigenvalues().minCoeff() > 0.0;
+  if (!*accuracy.is_maximum) return accuracy;
   const Matrix6d inverse = (-d.hessian).inverse();
   Matrix6d covariance = inverse * (d.gradients.transpose() * d.gradients) * inverse;
   covariance *= options.deviation_factor * options.deviation_factor;
@@ -166,7 +167,8 @@ std::optional<Matrix6d> pose_covariance(const Similarity& similarity, const Cand
   covariance.diagonal().array() += options.systematic_mm * options.systematic_mm / 6.0;
   const Matrix6d motion = motion_of_parameters(pose);
   const Matrix6d result = motion * covariance * motion.transpose();
-  return Matrix6d(0.5 * (result + result.transpose()));
+  accuracy.covariance = 0.5 * (result + result.transpose());
+  return accuracy;
 }
 
 double expected_error_mm(const Matrix6d& covariance,
@@ -200,6 +202,7 @@ std::vector<Gate> gates(const ConfidenceOptions& options) {
       {"confirmation", true, options.min_confirmation,
        "a second similarity does not confirm the pose"},
       {"margin", true, options.min_margin, "another pose is almost as good"},
+      {"is_maximum", true, 1.0, "the last stage has no maximum at the pose"},
       {"disagreement_mm", false, options.max_disagreement_mm, "the last two stages disagree"},
       {"displacement_mm", false, options.max_displacement_mm,
        "the pose is far from the initial one"},

@@ -33,15 +33,20 @@ class BackgroundPoses {
   std::vector<Candidate> poses_;
 };
 
-/// Covariance of a small motion (rotation vector in rad and translation in mm, in the US frame,
-/// about its origin: p -> p + w x p + t) of the best pose, from how the similarity's parts pull:
-/// with H the Hessian of the similarity and g_p the gradients of its parts,
+/// How well defined a pose is.
+struct PoseAccuracy {
+  /// Whether the similarity has a maximum there; unset where it has no parts to judge by.
+  std::optional<bool> is_maximum;
+  /// Of a small motion (rotation vector in rad and translation in mm, in the US frame, about its
+  /// origin: p -> p + w x p + t); set if there is a maximum.
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+};
+
+/// From how the similarity's parts pull: with H its Hessian and g_p the gradients of its parts,
 /// `H^-1 (sum_p g_p g_p^T) H^-1` (the sandwich estimator, Huber 1967), widened as ConfidenceOptions
-/// say. Unset where the similarity has no parts, or no maximum there.
-std::optional<Eigen::Matrix<double, 6, 6>> pose_covariance(const Similarity& similarity,
-                                                           const Candidate& best,
-                                                           const ConfidenceOptions& options,
-                                                           Search& search);
+/// say.
+PoseAccuracy pose_accuracy(const Similarity& similarity, const Candidate& best,
+                           const ConfidenceOptions& options, Search& search);
 
 /// Root mean square over the points of the expected displacement, mm.
 double expected_error_mm(const Eigen::Matrix<double, 6, 6>& covariance,

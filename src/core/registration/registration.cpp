@@ -212,8 +212,10 @@ class Registration {
     result_.similarity = optima_.front().value;
     result_.overlap = best_.overlap;
     result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
-    result_.covariance = registration::pose_covariance(*levels_.back().similarity, best_,
-                                                       options_.confidence, *search_);
+    const registration::PoseAccuracy accuracy = registration::pose_accuracy(
+        *levels_.back().similarity, best_, options_.confidence, *search_);
+    if (accuracy.is_maximum) result_.measures["is_maximum"] = *accuracy.is_maximum ? 1.0 : 0.0;
+    result_.covariance = accuracy.covariance;
     if (result_.covariance)
       result_.measures["expected_error_mm"] =
           registration::expected_error_mm(*result_.covariance, prepared_.points_us_mm);
