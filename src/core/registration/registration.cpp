@@ -78,6 +78,11 @@ class Registration {
     report(0.0);
     if (!initial_.T_us_ct.matrix().allFinite())
       throw Refusal{RegistrationStatus::kFailed, "the initial pose is not finite"};
+    for (std::size_t i = 0; i < options_.stages.size(); ++i)
+      if (options_.stages[i].optimizer.max_evaluations == 0)
+        throw Refusal{RegistrationStatus::kFailed,
+                      "stages[" + std::to_string(i) +
+                          "].optimizer.max_evaluations is 0: no pose can be tried"};
     prepared_ = registration::prepare_ultrasound(us_, options_);
     if (prepared_.points_us_mm.size() < kLeastPoints)
       throw Refusal{RegistrationStatus::kFailed,
@@ -265,7 +270,7 @@ RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const C
   options.validate();
   require_beams(ultrasound.beams);
   require_ct(ct);
-  if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial);
+  if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial, "T_us_ct_initial");
   return Registration(ultrasound, ct, T_us_ct_initial, options, hooks).run();
 }
 

@@ -66,10 +66,8 @@ class StageParameters {
 
 void Search::check_cancelled() const {
   if (!hooks_.cancelled) return;
-  bool cancelled = false;
-#pragma omp critical(usct_registration_cancelled)
-  cancelled = hooks_.cancelled();
-  if (cancelled) throw Cancelled{};
+  const std::lock_guard<std::mutex> one_at_a_time(asking_);
+  if (hooks_.cancelled()) throw Cancelled{};
 }
 
 double Search::distance_mm(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct) const {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <atomic>
+#include <mutex>
 #include <vector>
 
 #include "us_ct_registration/registration/pose_parameters.h"
@@ -53,6 +53,7 @@ class Search {
   const std::vector<Eigen::Vector3d>& points_us_mm_;
   const RegistrationOptions& options_;
   const RegistrationHooks& hooks_;
+  mutable std::mutex asking_;  // a critical section would not let through what the caller throws
   int evaluations_ = 0;
 };
 

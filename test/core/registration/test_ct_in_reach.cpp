@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+
+#include "core/registration/registration_cases.h"
+#include "registration/level.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+using registration::ct_in_reach;
+
+/// A grid (no voxels: none are looked at) around the ultrasound, far larger than its reach.
+CtVolume vast_ct(const RegistrationCase& images, int voxels) {
+  CtVolume ct;
+  ct.grid = images.ct.grid;
+  const Vector3d centre = images.ct.grid.centre_mm();
+  ct.grid.size = Vector3i::Constant(voxels);
+  ct.grid.origin_mm += centre - ct.grid.centre_mm();
+  return ct;
+}
+
+TEST(CtInReach, DoesNotGrowWithTheCt) {
+  const RegistrationOptions options = quick_options();
+  const CtVolume small = vast_ct(agar_case(), 400);
+  const CtVolume large = vast_ct(agar_case(), 1000);
+  const BeamGrid& beams = agar_case().us.beams;
+  const Isometry3d initial = nearby(agar_case());
+  const Region a = ct_in_reach(small, beams, initial, options).region;
+  const Region b = ct_in_reach(large, beams, initial, options).region;
+  EXPECT_GT(a.size.minCoeff(), 20);
+  EXPECT_EQ(a.size, b.size);
+  EXPECT_EQ(a.begin + Vector3i::Constant(300), b.begin);
+  EXPECT_LT(a.size.maxCoeff(), 300);
+}
+
+TEST(CtInReach, WhatLiesBeyondDoesNotMatter) {
+  const CtVolume& ct = agar_case().ct;
+  RegistrationOptions options = quick_options();
+  options.stages.front().starts->translation_mm = 5.0;
+  options.stages.front().starts->rotation_rad = 0.05;
+  // A small field of view, so that its reach ends within the CT.
+  RegistrationCase images = agar_case();
+  images.us.known.assign(images.us.brightness.size(), 1);
+  RegistrationCase cropped = images;
+  const Region reach = ct_in_reach(ct, images.us.beams, nearby(images), options).region;
+  cropped.ct = crop(ct, reach);
+  ASSERT_LT(cropped.ct.voxels.size(), ct.voxels.size());
+  const RegistrationResult a = registered(images, nearby(images), options);
+  const RegistrationResult b = registered(cropped, nearby(images), options);
+  ASSERT_TRUE(a.T_us_ct && b.T_us_ct) << a.message;
+  EXPECT_LT(evaluate_targets(*a.T_us_ct, *b.T_us_ct, images.targets_us_mm).max_mm, 1e-6);
+}
+
+TEST(CtInReach, HoldsTheFieldOfViewAtAllStarts) {
+  const CtVolume ct = vast_ct(agar_case(), 1000);
+  const BeamGrid& beams = agar_case().us.beams;
+  const Isometry3d initial = nearby(agar_case());
+  std::vector<Vector3d> points;
+  for (int f = 0; f < beams.frames; f += 5)
+    for (int l = 0; l < beams.lines; l += 5)
+      for (const int s : {0, beams.samples() / 2, beams.samples() - 1})
+        points.push_back(beams.point(f, l, s));
+  const PoseParameters pose(initial, points);
+  for (const StartRegion region : {StartRegion::kBox, StartRegion::kBall})
+    for (const double rotation_deg : {0.0, 25.0, 100.0}) {
+      RegistrationOptions options = quick_options();
+      StartOptions& starts = *options.stages.front().starts;
+      starts.region = region;
+      starts.count = 512;
+      starts.rotation_rad = rotation_deg * kRadPerDeg;
+      const Region reach = ct_in_reach(ct, beams, initial, options).region;
+      std::size_t outside = 0;
+      std::size_t all = 0;
+      for (const PoseVector& start : spread_starts(pose, starts)) {
+        const Isometry3d T_ct_us = pose.T_us_ct(start).inverse();
+        for (const Vector3d& p : points) {
+          const Vector3d index = ct.grid.index_from_physical(T_ct_us * p);
+          const Vector3d from_begin = index - reach.begin.cast<double>();
+          ++all;
+          if (from_begin.minCoeff() < 0.0 ||
+              (from_begin - (reach.size.cast<double>() - Vector3d::Ones())).maxCoeff() > 0.0)
+            ++outside;
+        }
+      }
+      EXPECT_LT(static_cast<double>(outside), 0.001 * static_cast<double>(all))
+          << static_cast<int>(region) << " " << rotation_deg << " " << outside << "/" << all;
+    }
+}
+
+}  // namespace
+}  // namespace usct::test

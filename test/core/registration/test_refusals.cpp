@@ -1,0 +1,256 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "core/io/expect_input_error.h"
+#include "core/registration/registration_cases.h"
+#include "registration/confidence.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+void expect_refused(const RegistrationResult& result, RegistrationStatus status,
+                    const std::string& named) {
+  EXPECT_EQ(result.status, status) << result.message;
+  EXPECT_FALSE(result.T_us_ct);
+  EXPECT_NE(result.message.find(named), std::string::npos) << result.message;
+}
+
+RegistrationCase with_brightness(const RegistrationCase& images, float value) {
+  RegistrationCase result = images;
+  std::fill(result.us.brightness.begin(), result.us.brightness.end(), value);
+  return result;
+}
+
+TEST(Refusals, CtFarAway) {
+  for (const double distance_mm : {400.0, 1e6}) {
+    const Isometry3d initial =
+        Eigen::Translation3d(0.0, distance_mm, 0.0) * agar_case().T_us_ct_true;
+    expect_refused(registered(agar_case(), initial), RegistrationStatus::kNoOverlap, "near");
+  }
+}
+
+TEST(Refusals, CtThatBarelyTouches) {
+  RegistrationOptions options = quick_options();
+  options.stages.front().starts->translation_mm = 1.0;
+  const Isometry3d initial = Eigen::Translation3d(0.0, 0.0, 125.0) * agar_case().T_us_ct_true;
+  const RegistrationResult result = registered(agar_case(), initial, options);
+  EXPECT_NE(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_FALSE(result.T_us_ct);
+}
+
+TEST(Refusals, ConstantUltrasound) {
+  for (const float value : {0.0F, 80.0F, 255.0F})
+    expect_refused(registered(with_brightness(agar_case(), value), nearby(agar_case())),
+                   RegistrationStatus::kFailed, "ultrasound");
+}
+
+TEST(Refusals, UnknownUltrasound) {
+  RegistrationCase images = agar_case();
+  images.us.known.assign(images.us.brightness.size(), 0);
+  expect_refused(registered(images, nearby(images)), RegistrationStatus::kFailed, "ultrasound");
+}
+
+TEST(Refusals, Noise) {
+  for (const std::uint32_t seed : {1U, 2U, 3U}) {
+    RegistrationCase images = agar_case();
+    std::mt19937 random(seed);
+    for (float& value : images.us.brightness) value = static_cast<float>(random() % 256);
+    const RegistrationResult result = registered(images, nearby(images));
+    expect_refused(result, RegistrationStatus::kLowConfidence, "must be");
+    EXPECT_FALSE(result.candidates.empty());
+  }
+}
+
+TEST(Refusals, MirroredUltrasound) {
+  for (const RegistrationCase* original : {&agar_case(), &patient_case()}) {
+    RegistrationCase images = *original;
+    const auto samples = static_cast<std::ptrdiff_t>(images.us.beams.samples());
+    const std::ptrdiff_t lines = images.us.beams.lines;
+    for (int frame = 0; frame < images.us.beams.frames; ++frame)
+      for (std::ptrdiff_t line = 0; line < lines / 2; ++line) {
+        const auto at = [&](std::ptrdiff_t l) {
+          return images.us.brightness.begin() + (frame * lines + l) * samples;
+        };
+        std::swap_ranges(at(line), at(line) + samples, at(lines - 1 - line));
+      }
+    const RegistrationResult result = registered(images, nearby(images));
+    expect_refused(result, RegistrationStatus::kLowConfidence, "must be");
+  }
+}
+
+TEST(Refusals, AnotherAnatomy) {
+  RegistrationCase images = agar_case();
+  images.ct =
+      moved(patient_case().ct, agar_case().T_us_ct_true.inverse() * patient_case().T_us_ct_true);
+  expect_refused(registered(images, nearby(images)), RegistrationStatus::kLowConfidence, "must be");
+}
+
+TEST(Refusals, InitialPoseThatIsNotFinite) {
+  for (const double value : {kNan, std::numeric_limits<double>::infinity()}) {
+    Isometry3d initial = nearby(agar_case());
+    initial.translation().y() = value;
+    expect_refused(registered(agar_case(), initial), RegistrationStatus::kFailed, "initial pose");
+  }
+}
+
+TEST(Refusals, NoEvaluationAllowed) {
+  for (const std::string stage : {"0", "1", "2"}) {
+    const RegistrationResult result =
+        registered(agar_case(), nearby(agar_case()),
+                   quick_options("stages: {" + stage + ": {optimizer: {max_evaluations: 0}}}\n"));
+    expect_refused(result, RegistrationStatus::kFailed,
+                   "stages[" + stage + "].optimizer.max_evaluations");
+    EXPECT_TRUE(std::isnan(result.similarity));
+    EXPECT_TRUE(result.candidates.empty());
+  }
+}
+
+TEST(Refusals, InvalidCt) {
+  RegistrationCase images = agar_case();
+  images.ct.voxels.pop_back();
+  expect_input_error([&] { registered(images, nearby(images)); }, {"CT", "voxels"});
+  images.ct = {};
+  expect_input_error([&] { registered(images, nearby(images)); }, {"CT", "size"});
+  images.ct = agar_case().ct;
+  images.ct.grid.spacing_mm.z() = 0.0;
+  expect_input_error([&] { registered(images, nearby(images)); }, {"CT", "spacing"});
+  images.ct = agar_case().ct;
+  images.ct.grid.direction(0, 1) = 0.3;
+  expect_input_error([&] { registered(images, nearby(images)); }, {"CT", "direction"});
+}
+
+TEST(Refusals, InvalidUltrasound) {
+  const auto expect_error = [](const auto& change, const std::vector<std::string>& named) {
+    RegistrationCase images = agar_case();
+    change(images.us);
+    expect_input_error([&] { registered(images, nearby(images)); }, named);
+  };
+  expect_error([](BeamUltrasound& us) { us = {}; }, {"ultrasound", "samples"});
+  expect_error([](BeamUltrasound& us) { us.brightness.pop_back(); }, {"ultrasound", "brightness"});
+  expect_error([](BeamUltrasound& us) { us.brightness[77] = kNan; }, {"ultrasound", "finite"});
+  expect_error([](BeamUltrasound& us) { us.known.assign(3, 1); }, {"ultrasound", "known"});
+  expect_error([](BeamUltrasound& us) { us.beams.axial.spacing_mm = -1.0; }, {"spacing_mm"});
+  expect_error([](BeamUltrasound& us) { ++us.beams.frames; }, {"beam grid", "beams"});
+  expect_error([](BeamUltrasound& us) { us.beams.lines = 0; }, {"beam grid", "lines"});
+  expect_error([](BeamUltrasound& us) { us.beams.axial.start_depth_mm = kNan; },
+               {"beam grid", "start_depth_mm"});
+  expect_error([](BeamUltrasound& us) { us.beams.beams[9].origin_mm.x() = kNan; },
+               {"beam grid", "beam 9"});
+  expect_error([](BeamUltrasound& us) { us.beams.beams[9].direction *= 1.5; },
+               {"beam grid", "beam 9"});
+}
+
+TEST(Refusals, InitialPoseThatIsNotRigid) {
+  Isometry3d initial = nearby(agar_case());
+  initial.linear() *= 1.01;
+  expect_input_error([&] { registered(agar_case(), initial); }, {"T_us_ct_initial"});
+  initial = nearby(agar_case());
+  initial.linear().col(0) *= -1.0;
+  expect_input_error([&] { registered(agar_case(), initial); }, {"T_us_ct_initial"});
+}
+
+TEST(Refusals, InvalidOptions) {
+  const auto expect_error = [](const auto& change, const std::vector<std::string>& named) {
+    RegistrationOptions options = quick_options();
+    change(options);
+    expect_input_error([&] { registered(agar_case(), nearby(agar_case()), options); }, named);
+  };
+  expect_error([](RegistrationOptions& o) { o.stages.clear(); }, {"stages"});
+  expect_error([](RegistrationOptions& o) { o.rounds = 0; }, {"'rounds' is 0"});
+  expect_error([](RegistrationOptions& o) { o.outside_hu = 1e5; }, {"'outside_hu' is 100000"});
+  expect_error([](RegistrationOptions& o) { o.stages[1].spacing_mm = kNan; },
+               {"stages[1]", "'spacing_mm'"});
+  expect_error([](RegistrationOptions& o) { o.stages[1].starts.emplace(); },
+               {"stages[1]", "'starts'"});
+  expect_error([](RegistrationOptions& o) { o.stages[0].depth_error = 0.01; }, {"stages[0]"});
+  expect_error([](RegistrationOptions& o) { o.stages[2].optimizer.initial_step = 0.0; },
+               {"stages[2].optimizer", "'initial_step' is 0"});
+  expect_error([](RegistrationOptions& o) { o.stages[2].similarity.power = 0.0; },
+               {"stages[2].similarity", "'power' is 0"});
+  expect_error([](RegistrationOptions& o) { o.confidence.min_margin = 2.0; },
+               {"confidence", "'min_margin' is 2"});
+  expect_error([](RegistrationOptions& o) { o.confidence.background = 3; },
+               {"confidence", "'background' is 3"});
+}
+
+/// Registers with one gate that nothing passes.
+void expect_gate(const std::string& option, const std::string& impossible,
+                 const std::string& measure, const std::string& limit) {
+  const RegistrationResult result =
+      registered(agar_case(), nearby(agar_case()),
+                 quick_options("confidence: {" + option + ": " + impossible + "}\n"));
+  expect_refused(result, RegistrationStatus::kLowConfidence, measure + " is ");
+  ASSERT_EQ(result.measures.count(measure), 1U);
+  char value[32];
+  std::snprintf(value, sizeof(value), "%.3g", result.measures.at(measure));
+  expect_refused(result, RegistrationStatus::kLowConfidence,
+                 measure + " is " + value + ", must be " + limit);
+  ASSERT_FALSE(result.candidates.empty());
+  EXPECT_LT(agar_case().error_mm(result.candidates.front().T_us_ct), 1.0);
+}
+
+TEST(Gates, EachRefusesAndSaysWhy) {
+  expect_gate("min_significance", "1e6", "significance", ">= 1e+06");
+  expect_gate("min_confirmation", "1e5", "confirmation", ">= 1e+05");
+  expect_gate("max_disagreement_mm", "1e-6", "disagreement_mm", "<= 1e-06");
+  expect_gate("max_displacement_mm", "2.5", "displacement_mm", "<= 2.5");
+  expect_gate("max_expected_error_mm", "0.01", "expected_error_mm", "<= 0.01");
+}
+
+TEST(Gates, Overlap) {
+  const RegistrationResult result =
+      registered(agar_case(), nearby(agar_case()), quick_options("confidence: {min_overlap: 1}\n"));
+  ASSERT_LT(result.overlap, 1.0);
+  expect_refused(result, RegistrationStatus::kNoOverlap, "overlap is ");
+  expect_refused(result, RegistrationStatus::kNoOverlap, "must be >= 1");
+  EXPECT_FALSE(result.candidates.empty());
+}
+
+TEST(Gates, MarginAgainstOptimaElsewhere) {
+  RegistrationOptions options = quick_options("confidence: {min_margin: 1}\n");
+  options.stages[0].optimised = 12;
+  options.stages[0].kept = 12;
+  options.stages[1].optimised = 12;
+  const RegistrationResult result = registered(agar_case(), nearby(agar_case()), options);
+  expect_refused(result, RegistrationStatus::kLowConfidence, "margin is ");
+  ASSERT_GE(result.candidates.size(), 2U);
+  for (std::size_t i = 1; i < result.candidates.size(); ++i)
+    EXPECT_LE(result.candidates[i].similarity, result.candidates[i - 1].similarity);
+}
+
+TEST(Gates, LimitsThemselvesPass) {
+  ConfidenceOptions options;
+  RegistrationResult result;
+  result.overlap = options.min_overlap;
+  result.measures = {{"significance", options.min_significance},
+                     {"confirmation", options.min_confirmation},
+                     {"margin", options.min_margin},
+                     {"disagreement_mm", options.max_disagreement_mm},
+                     {"displacement_mm", 1e9},
+                     {"expected_error_mm", options.max_expected_error_mm}};
+  const std::map<std::string, double> passing = result.measures;
+  registration::judge(options, result);
+  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  for (const auto& [measure, value] : passing) {
+    result.measures = passing;
+    result.measures[measure] = kNan;
+    registration::judge(options, result);
+    EXPECT_EQ(result.status, RegistrationStatus::kLowConfidence) << measure;
+    EXPECT_FALSE(registration::passes(options, result.measures)) << measure;
+  }
+  result.measures = passing;
+  result.overlap = kNan;
+  registration::judge(options, result);
+  EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
+}
+
+}  // namespace
+}  // namespace usct::test

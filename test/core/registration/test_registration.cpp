@@ -1,0 +1,252 @@
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <atomic>
+#include <cmath>
+#include <map>
+
+#include "core/registration/registration_cases.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix4d;
+using Eigen::Vector3d;
+using phantom::SceneKind;
+using phantom::SweepKind;
+
+/// Samples are 2 mm apart, lines and frames more: a third of that is a good result.
+constexpr double kGoodMm = 1.0;
+
+/// Registers from both sides of the truth.
+void expect_recovered(const RegistrationCase& images) {
+  for (const double sign : {1.0, -1.0}) {
+    const Isometry3d initial = nearby(images, sign);
+    ASSERT_GT(images.error_mm(initial), 8.0);
+    const RegistrationResult result = registered(images, initial);
+    ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << sign << ": " << result.message;
+    ASSERT_TRUE(result.T_us_ct);
+    EXPECT_LT(images.error_mm(*result.T_us_ct), kGoodMm) << sign;
+    EXPECT_EQ(result.T_us_ct->matrix(), result.candidates.front().T_us_ct.matrix());
+    EXPECT_EQ(result.similarity, result.candidates.front().similarity);
+    EXPECT_GT(result.overlap, 0.5);
+    EXPECT_LE(result.overlap, 1.0);
+    EXPECT_GT(result.evaluations, 100);
+  }
+}
+
+const Isometry3d kUsMotion = rigid({0.4, -1.1, 0.7}, {120, -340, 55});
+const Isometry3d kCtMotion = rigid({-0.9, 0.3, 1.4}, {-210, 80, 600});
+
+TEST(Registration, RecoversMotorisedAgar) { expect_recovered(agar_case()); }
+
+TEST(Registration, RecoversTrackedPatient) { expect_recovered(patient_case()); }
+
+TEST(Registration, RecoversCartesianVolume) {
+  const UsVolume volume = in_space(agar_phantom().ultrasound, 1.5, {}).volume;
+  expect_recovered(case_of(agar_phantom(), volume));
+}
+
+TEST(Registration, RecoversParallelBeamsOfSweep) {
+  BeamOptions how;
+  how.parallel_beams_mm = 1.5;
+  expect_recovered(case_of(agar_phantom(), agar_phantom().ultrasound, how));
+}
+
+TEST(Registration, RecoversInAnyFrames) {
+  expect_recovered(moved(patient_case(), kUsMotion, kCtMotion));
+}
+
+TEST(Registration, FrameOfCtDoesNotMatter) {
+  const RegistrationCase other = moved(patient_case(), Isometry3d::Identity(), kCtMotion);
+  const RegistrationResult a = registered(patient_case(), nearby(patient_case()));
+  const RegistrationResult b = registered(other, nearby(other));
+  ASSERT_TRUE(a.T_us_ct && b.T_us_ct);
+  EXPECT_LT(patient_case().error_mm(*b.T_us_ct * kCtMotion), kGoodMm);
+  EXPECT_LT(
+      evaluate_targets(*b.T_us_ct * kCtMotion, *a.T_us_ct, patient_case().targets_us_mm).max_mm,
+      0.1);
+  EXPECT_NEAR(b.similarity, a.similarity, 1e-3 * a.similarity);
+}
+
+TEST(Registration, FrameOfUltrasoundDoesNotMatter) {
+  const RegistrationCase other = moved(patient_case(), kUsMotion, Isometry3d::Identity());
+  const RegistrationResult a = registered(patient_case(), nearby(patient_case()));
+  const RegistrationResult b = registered(other, kUsMotion * nearby(patient_case()));
+  ASSERT_TRUE(a.T_us_ct && b.T_us_ct);
+  EXPECT_LT(
+      evaluate_targets(kUsMotion.inverse() * *b.T_us_ct, *a.T_us_ct, patient_case().targets_us_mm)
+          .max_mm,
+      0.1);
+}
+
+class Threads {
+ public:
+  explicit Threads(int count) : before_(omp_get_max_threads()) { omp_set_num_threads(count); }
+  ~Threads() { omp_set_num_threads(before_); }
+
+ private:
+  int before_;
+};
+
+void expect_same_bits(const RegistrationResult& a, const RegistrationResult& b) {
+  EXPECT_EQ(a.status, b.status);
+  EXPECT_EQ(a.message, b.message);
+  ASSERT_EQ(a.T_us_ct.has_value(), b.T_us_ct.has_value());
+  if (a.T_us_ct) {
+    EXPECT_EQ(a.T_us_ct->matrix(), b.T_us_ct->matrix());
+  }
+  EXPECT_EQ(a.similarity, b.similarity);
+  EXPECT_EQ(a.overlap, b.overlap);
+  EXPECT_EQ(a.evaluations, b.evaluations);
+  EXPECT_EQ(a.measures, b.measures);
+  EXPECT_EQ(a.covariance, b.covariance);
+  ASSERT_EQ(a.candidates.size(), b.candidates.size());
+  for (std::size_t i = 0; i < a.candidates.size(); ++i) {
+    EXPECT_EQ(a.candidates[i].T_us_ct.matrix(), b.candidates[i].T_us_ct.matrix());
+    EXPECT_EQ(a.candidates[i].similarity, b.candidates[i].similarity);
+  }
+}
+
+RegistrationOptions with_method(OptimizerMethod method) {
+  RegistrationOptions options = quick_options();
+  options.stages.front().optimised = 2;
+  for (StageOptions& stage : options.stages) stage.optimizer.method = method;
+  return options;
+}
+
+TEST(Registration, SameBitsWithAnyNumberOfThreads) {
+  for (const OptimizerMethod method : {OptimizerMethod::kBobyqa, OptimizerMethod::kCmaEs}) {
+    const RegistrationOptions options = with_method(method);
+    const Isometry3d initial = nearby(agar_case());
+    const RegistrationResult first = registered(agar_case(), initial, options);
+    ASSERT_TRUE(first.T_us_ct) << first.message;
+    for (const int count : {1, 2, 3}) {
+      SCOPED_TRACE(std::string(method_name(method)) + " with " + std::to_string(count));
+      const Threads threads(count);
+      expect_same_bits(registered(agar_case(), initial, options), first);
+    }
+  }
+}
+
+TEST(Registration, SeedMattersToCmaEsOnly) {
+  for (const OptimizerMethod method : {OptimizerMethod::kBobyqa, OptimizerMethod::kCmaEs}) {
+    RegistrationOptions options = with_method(method);
+    const Isometry3d initial = nearby(agar_case());
+    const RegistrationResult a = registered(agar_case(), initial, options);
+    options.seed = 77;
+    const RegistrationResult b = registered(agar_case(), initial, options);
+    ASSERT_TRUE(a.T_us_ct && b.T_us_ct);
+    EXPECT_EQ(a.T_us_ct->matrix() == b.T_us_ct->matrix(), method == OptimizerMethod::kBobyqa);
+    EXPECT_LT(agar_case().error_mm(*b.T_us_ct), kGoodMm);
+  }
+}
+
+TEST(Registration, ProgressRisesFromZeroToOne) {
+  const Threads threads(3);
+  std::vector<double> reported;
+  std::atomic<int> inside{0};
+  RegistrationHooks hooks;
+  hooks.progress = [&](double fraction) {
+    EXPECT_EQ(++inside, 1);
+    reported.push_back(fraction);
+    --inside;
+  };
+  RegistrationOptions options = quick_options();
+  options.rounds = 2;
+  ASSERT_TRUE(registered(agar_case(), nearby(agar_case()), options, hooks).T_us_ct);
+  ASSERT_GE(reported.size(), 4U);
+  EXPECT_EQ(reported.front(), 0.0);
+  EXPECT_EQ(reported.back(), 1.0);
+  for (std::size_t i = 1; i < reported.size(); ++i) EXPECT_GT(reported[i], reported[i - 1]);
+}
+
+TEST(Registration, AsksForCancellationFromOneThreadAtATime) {
+  const Threads threads(3);
+  std::atomic<int> inside{0};
+  int asked = 0;
+  RegistrationHooks hooks;
+  hooks.cancelled = [&] {
+    EXPECT_EQ(++inside, 1);
+    ++asked;
+    --inside;
+    return false;
+  };
+  const RegistrationResult result =
+      registered(agar_case(), nearby(agar_case()), quick_options(), hooks);
+  expect_same_bits(result, registered(agar_case(), nearby(agar_case())));
+  EXPECT_GT(asked, result.evaluations / 4);
+}
+
+TEST(Registration, CancelsAtOnce) {
+  constexpr int kThreads = 3;
+  const Threads threads(kThreads);
+  for (const int allowed : {0, 1, 5, 40, 300}) {
+    int asked = 0;
+    RegistrationHooks hooks;
+    hooks.cancelled = [&] { return asked++ >= allowed; };
+    const RegistrationResult result =
+        registered(agar_case(), nearby(agar_case()), quick_options(), hooks);
+    EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
+    EXPECT_FALSE(result.message.empty());
+    EXPECT_FALSE(result.T_us_ct);
+    // Each thread may be at one evaluation, and asks once more at most.
+    EXPECT_LE(asked, allowed + kThreads);
+  }
+}
+
+TEST(Registration, WhatHooksThrowReachesTheCaller) {
+  RegistrationHooks hooks;
+  int asked = 0;
+  hooks.cancelled = [&]() -> bool {
+    if (++asked > 50) throw std::runtime_error("from the hook");
+    return false;
+  };
+  EXPECT_THROW(registered(agar_case(), nearby(agar_case()), quick_options(), hooks),
+               std::runtime_error);
+}
+
+/// The echoes of an agar case lie at (1 + error) times the depth that is then recorded.
+RegistrationResult with_wrong_depth(double error, const std::string& changes) {
+  RegistrationCase images = agar_case();
+  images.us.beams.axial.spacing_mm /= 1.0 + error;
+  images.us.beams.axial.start_depth_mm /= 1.0 + error;
+  return registered(images, nearby(images), quick_options(changes));
+}
+
+TEST(Registration, EstimatesDepthErrorInItsLastStage) {
+  std::map<double, double> estimated;
+  for (const double error : {-0.02, 0.0, 0.02}) {
+    const RegistrationResult result = with_wrong_depth(error, "stages: {2: {depth_error: 0.05}}\n");
+    ASSERT_TRUE(result.T_us_ct) << result.message;
+    ASSERT_EQ(result.measures.count("depth_error"), 1U);
+    EXPECT_EQ(result.measures.count("sweep_error"), 0U);
+    estimated[error] = result.measures.at("depth_error");
+    printf("depth %g -> %g, error %g\n", error, estimated[error],
+           agar_case().error_mm(*result.T_us_ct));
+  }
+}
+
+TEST(Registration, AcquisitionErrorsAreAbsentUnlessAllowed) {
+  const RegistrationResult result = with_wrong_depth(0.02, "");
+  EXPECT_EQ(result.measures.count("depth_error"), 0U);
+  EXPECT_EQ(result.measures.count("sweep_error"), 0U);
+}
+
+TEST(Registration, ThesisVariantBRuns) {
+  const RegistrationOptions options = parse_registration_options(
+      "preset: thesis_b\nstages: {0: {optimizer: {max_evaluations: 60}}}\n", "test");
+  const Isometry3d initial = nearby(agar_case());
+  const RegistrationResult result = registered(agar_case(), initial, options);
+  ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_TRUE(result.T_us_ct->matrix().allFinite());
+  printf("thesis %g -> %g evals %d\n", agar_case().error_mm(initial),
+         agar_case().error_mm(*result.T_us_ct), result.evaluations);
+  EXPECT_GE(result.evaluations, 60);
+  // One function of all samples: it says nothing of how its parts scatter.
+  EXPECT_FALSE(result.covariance);
+}
+
+}  // namespace
+}  // namespace usct::test
