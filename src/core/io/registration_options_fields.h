@@ -233,6 +233,7 @@ void describe(Fields& fields, ConfidenceOptions& o) {
   fields("max_disagreement_mm", o.max_disagreement_mm);
   fields("max_displacement_mm", o.max_displacement_mm);
   fields("max_expected_error_mm", o.max_expected_error_mm);
+  fields("sure_significance", o.sure_significance);
   fields("deviation_factor", o.deviation_factor);
   fields("systematic_mm", o.systematic_mm);
 }

@@ -159,8 +159,14 @@ PoseAccuracy pose_accuracy(const Similarity& similarity, const Candidate& best,
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-d.hessian);
   PoseAccuracy accuracy;
   accuracy.is_maximum = eigen.eigenvalues().minCoeff() > 0.0;
-  if (!*accuracy.is_maximum) return accuracy;
-  const Matrix6d inverse = (-d.hessian).inverse();
+  // Where it is not (a flat direction, and noise), the direction counts as nearly flat.
+  constexpr double kLeastCurvature = 0.05;
+  const Eigen::Matrix<double, 6, 1> curvature = eigen.eigenvalues();
+  if (!(curvature.mean() > 0.0)) return accuracy;
+  const Matrix6d inverse =
+      eigen.eigenvectors() *
+      curvature.cwiseMax(kLeastCurvature * curvature.mean()).cwiseInverse().asDiagonal() *
+      eigen.eigenvectors().transpose();
   Matrix6d covariance = inverse * (d.gradients.transpose() * d.gradients) * inverse;
   covariance *= options.deviation_factor * options.deviation_factor;
   // The parameters are scaled so that their variances sum to the mean square displacement.
@@ -196,24 +202,30 @@ struct Gate {
   }
 };
 
-std::vector<Gate> gates(const ConfidenceOptions& options) {
-  return {
+std::vector<Gate> gates(const ConfidenceOptions& options,
+                        const std::map<std::string, double>& measures) {
+  std::vector<Gate> all = {
       {"significance", true, options.min_significance, "the best pose is no better than chance"},
       {"confirmation", true, options.min_confirmation,
        "a second similarity does not confirm the pose"},
       {"margin", true, options.min_margin, "another pose is almost as good"},
-      {"is_maximum", true, 1.0, "the last stage has no maximum at the pose"},
       {"disagreement_mm", false, options.max_disagreement_mm, "the last two stages disagree"},
       {"displacement_mm", false, options.max_displacement_mm,
        "the pose is far from the initial one"},
-      {"expected_error_mm", false, options.max_expected_error_mm, "the pose is not well defined"},
   };
+  const auto significance = measures.find("significance");
+  if (significance == measures.end() || significance->second < options.sure_significance) {
+    all.push_back({"is_maximum", true, 1.0, "the last stage has no maximum at the pose"});
+    all.push_back({"expected_error_mm", false, options.max_expected_error_mm,
+                   "the pose is not well defined"});
+  }
+  return all;
 }
 
 }  // namespace
 
 bool passes(const ConfidenceOptions& options, const std::map<std::string, double>& measures) {
-  const std::vector<Gate> all = gates(options);
+  const std::vector<Gate> all = gates(options, measures);
   return std::all_of(all.begin(), all.end(),
                      [&](const Gate& gate) { return gate.passed(measures); });
 }
@@ -225,7 +237,7 @@ void judge(const ConfidenceOptions& options, RegistrationResult& result) {
                      ", must be >= " + number(options.min_overlap);
     return;
   }
-  for (const Gate& gate : gates(options))
+  for (const Gate& gate : gates(options, result.measures))
     if (!gate.passed(result.measures)) {
       result.status = RegistrationStatus::kLowConfidence;
       result.message = gate.refusal(result.measures);

@@ -38,7 +38,8 @@ struct PoseAccuracy {
   /// Whether the similarity has a maximum there; unset where it has no parts to judge by.
   std::optional<bool> is_maximum;
   /// Of a small motion (rotation vector in rad and translation in mm, in the US frame, about its
-  /// origin: p -> p + w x p + t); set if there is a maximum.
+  /// origin: p -> p + w x p + t); unset where
+  /// the similarity curves upwards on the whole.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
 };
 

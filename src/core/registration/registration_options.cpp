@@ -41,6 +41,8 @@ void ConfidenceOptions::validate(const std::string& source) const {
   require(max_displacement_mm >= 0.0, source, "max_displacement_mm", max_displacement_mm, ">= 0");
   require(max_expected_error_mm >= 0.0, source, "max_expected_error_mm", max_expected_error_mm,
           ">= 0");
+  require(!std::isnan(sure_significance), source, "sure_significance", sure_significance,
+          "a number");
   require(is_positive(deviation_factor), source, "deviation_factor", deviation_factor,
           "finite and > 0");
   require(std::isfinite(systematic_mm) && systematic_mm >= 0.0, source, "systematic_mm",

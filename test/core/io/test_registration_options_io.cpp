@@ -153,7 +153,7 @@ void randomise(FitOptions& o) {
 }
 void randomise(ConfidenceOptions& o) {
   auto& [min_overlap, background, background_mm, significance, confirmation_similarity,
-         confirmation, margin, disagreement, displacement, expected, factor, systematic] = o;
+         confirmation, margin, disagreement, displacement, expected, sure, factor, systematic] = o;
   min_overlap = between(0, 1);
   background = any_int(16, 500);
   background_mm = between(1, 50);
@@ -164,6 +164,7 @@ void randomise(ConfidenceOptions& o) {
   disagreement = between(0, 9);
   displacement = any_bool() ? std::numeric_limits<double>::infinity() : between(1, 99);
   expected = between(0, 9);
+  sure = between(0, 99);
   factor = between(0.1, 9);
   systematic = between(0, 3);
 }
@@ -273,7 +274,8 @@ bool same(const ConfidenceOptions& a, const ConfidenceOptions& b) {
          a.min_margin == b.min_margin && a.max_disagreement_mm == b.max_disagreement_mm &&
          a.max_displacement_mm == b.max_displacement_mm &&
          a.max_expected_error_mm == b.max_expected_error_mm &&
-         a.deviation_factor == b.deviation_factor && a.systematic_mm == b.systematic_mm;
+         a.sure_significance == b.sure_significance && a.deviation_factor == b.deviation_factor &&
+         a.systematic_mm == b.systematic_mm;
 }
 bool same(const RegistrationOptions& a, const RegistrationOptions& b) {
   return same(a.window, b.window) && a.outside_hu == b.outside_hu &&
