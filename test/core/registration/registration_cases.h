@@ -85,14 +85,18 @@ inline Eigen::Isometry3d rigid(const Eigen::Vector3d& rotation_vector_rad,
   return T;
 }
 
+inline Eigen::Vector3d middle_us_mm(const RegistrationCase& images) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& target : images.targets_us_mm)
+    middle += target / static_cast<double>(images.targets_us_mm.size());
+  return middle;
+}
+
 /// The truth, turned about the middle of the targets and shifted, in the US frame.
 inline Eigen::Isometry3d beside_truth(const RegistrationCase& images,
                                       const Eigen::Vector3d& rotation_vector_deg,
                                       const Eigen::Vector3d& translation_mm) {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& target : images.targets_us_mm)
-    middle += target / static_cast<double>(images.targets_us_mm.size());
-  const Eigen::Translation3d to_middle(middle);
+  const Eigen::Translation3d to_middle(middle_us_mm(images));
   return to_middle * rigid(kRadPerDeg * rotation_vector_deg, translation_mm) * to_middle.inverse() *
          images.T_us_ct_true;
 }
