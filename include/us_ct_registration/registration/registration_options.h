@@ -64,10 +64,9 @@ struct ConfidenceOptions {
   /// Greatest distance from the initial pose, mm (mean displacement); infinite: any.
   double max_displacement_mm = std::numeric_limits<double>::infinity();
   /// Greatest expected error of the field of view, mm (root mean square). A pose at which the last
-  /// stage has no maximum is refused as well. Neither is judged from `sure_significance` on: no
-  /// wrong pose has reached it.
+  /// stage has no maximum is refused as well. From `sure_significance` on neither is judged.
   double max_expected_error_mm = 1.3;
-  double sure_significance = 75.0;
+  double sure_significance = 100.0;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
   /// independent), and what no image shows: mean square displacement of the field by sound speed,
   /// deformation and the like, mm. Both by calibration (docs/accuracy.md).

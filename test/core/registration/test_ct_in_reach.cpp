@@ -35,32 +35,6 @@ TEST(CtInReach, DoesNotGrowWithTheCt) {
   EXPECT_LT(a.size.maxCoeff(), 300);
 }
 
-TEST(CtInReach, DISABLED_WhatLiesBeyondDoesNotMatter) {
-  const RegistrationCase& images = agar_case();
-  const RegistrationOptions options = quick_options();
-  CtVolume ct = vast_ct(images, 220);
-  ct = resample(images.ct, ct.grid, Isometry3d::Identity(), Interpolation::kNearest,
-                Outside::constant(-1000.0F));
-  const Region reach = ct_in_reach(ct, images.us.beams, nearby(images), options).region;
-  CtVolume other(ct.grid, 2000);
-  for (int k = 0; k < reach.size.z(); ++k)
-    for (int j = 0; j < reach.size.y(); ++j)
-      for (int i = 0; i < reach.size.x(); ++i) {
-        const Vector3i at = reach.begin + Vector3i(i, j, k);
-        other.at(at.x(), at.y(), at.z()) = ct.at(at.x(), at.y(), at.z());
-      }
-  ASSERT_NE(other.voxels, ct.voxels);
-  const RegistrationResult a = register_ultrasound(images.us, ct, nearby(images), options);
-  const RegistrationResult b = register_ultrasound(images.us, other, nearby(images), options);
-  ASSERT_FALSE(a.candidates.empty());
-  ASSERT_FALSE(b.candidates.empty());
-  // Averaging looks a little beyond the edge.
-  EXPECT_LT(evaluate_targets(a.candidates.front().T_us_ct, b.candidates.front().T_us_ct,
-                             images.targets_us_mm)
-                .max_mm,
-            0.2);
-}
-
 TEST(CtInReach, HoldsTheFieldOfViewAtAllStarts) {
   const CtVolume ct = vast_ct(agar_case(), 1000);
   const BeamGrid& beams = agar_case().us.beams;

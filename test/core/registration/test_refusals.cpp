@@ -86,37 +86,6 @@ RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sampl
   return result;
 }
 
-TEST(Refusals, DISABLED_MirroredUltrasound) {
-  for (const RegistrationCase* images : {&agar_case(), &patient_case()})
-    for (int k = 0; k < 5; ++k) {
-      const int lines = images->us.beams.lines, frames = images->us.beams.frames,
-                samples = images->us.beams.samples();
-      const RegistrationCase mirrored = reordered(*images, [&](int f, int l, int s) {
-        if (k == 0) return Eigen::Vector3i(f, lines - 1 - l, s);
-        if (k == 1) return Eigen::Vector3i(frames - 1 - f, l, s);
-        if (k == 2) return Eigen::Vector3i(f, l, samples - 1 - s);
-        if (k == 3) return Eigen::Vector3i((f * 5) % frames, l, s);
-        return Eigen::Vector3i(f, (l + lines / 2) % lines, s);
-      });
-      const RegistrationResult r = registered(mirrored, nearby(mirrored));
-      printf("kind %d: %s: err %.2f", k, r.message.c_str(),
-             r.candidates.empty() ? -1.0 : images->error_mm(r.candidates[0].T_us_ct));
-      for (auto& m : r.measures) printf("   %s %.3f", m.first.c_str(), m.second);
-      printf("\n");
-    }
-}
-
-TEST(Refusals, DISABLED_AnotherAnatomy) {
-  const auto kidney_ct_mm = [](const RegistrationCase& images) -> Vector3d {
-    return images.T_us_ct_true.inverse() * middle_us_mm(images);
-  };
-  RegistrationCase images = agar_case();
-  images.ct = moved(
-      patient_case().ct,
-      Isometry3d(Eigen::Translation3d(kidney_ct_mm(agar_case()) - kidney_ct_mm(patient_case()))));
-  expect_refused(registered(images, nearby(images)), RegistrationStatus::kLowConfidence, "must be");
-}
-
 TEST(Refusals, InitialPoseThatIsNotFinite) {
   for (const double value : {kNan, std::numeric_limits<double>::infinity()}) {
     Isometry3d initial = nearby(agar_case());
