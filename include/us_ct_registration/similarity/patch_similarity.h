@@ -38,7 +38,8 @@ enum class SimilarityKind {
 };
 const char* kind_name(SimilarityKind kind);
 /// "local_lc2", "global_lc2", "ncc", "mattes_mi", "nmi", "correlation_ratio",
-/// "joint_correlation_ratio", "simulated_lc2". Throws InputError, naming `source`, for any other text.
+/// "joint_correlation_ratio", "simulated_lc2". Throws InputError, naming `source`, for any other
+/// text.
 SimilarityKind parse_kind(const std::string& name, const std::string& source);
 
 /// What stands beside the CT value to explain ultrasound.
