@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <mutex>
 
 #include "us_ct_registration/progress.h"
 
@@ -19,6 +20,9 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   std::atomic<bool> failed{false};
   std::atomic<int> done{0};
   double reported = 0.0;
+  // Not critical sections of OpenMP: an exception that leaves one ends the program.
+  std::mutex reporting;
+  std::mutex failing;
 #pragma omp parallel for schedule(dynamic, 1)
   for (int i = 0; i < count; ++i) {
     if (failed.load(std::memory_order_relaxed)) continue;
@@ -26,18 +30,16 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
       body(i);
       const int finished = ++done;
       if (progress) {
-#pragma omp critical(usct_parallel_for_progress)
-        {
-          // Another thread may have reported a later state meanwhile: progress never runs back.
-          const double fraction = static_cast<double>(finished) / count;
-          if (!failed && fraction > reported) {
-            reported = fraction;
-            progress(fraction);
-          }
+        const std::lock_guard<std::mutex> lock(reporting);
+        // Another thread may have reported a later state meanwhile: progress never runs back.
+        const double fraction = static_cast<double>(finished) / count;
+        if (!failed && fraction > reported) {
+          reported = fraction;
+          progress(fraction);
         }
       }
     } catch (...) {
-#pragma omp critical(usct_parallel_for_failure)
+      const std::lock_guard<std::mutex> lock(failing);
       if (!failed.exchange(true)) failure = std::current_exception();
     }
   }
