@@ -20,5 +20,7 @@ void add_register_command(CLI::App& app, Run& run);
 void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
 void add_study_command(CLI::App& app, Run& run);
+/// In a build without ROS it says so.
+void add_bag_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools

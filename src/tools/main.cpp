@@ -24,6 +24,7 @@ int parse_and_run(int argc, char** argv) {
   add_presets_command(app, run);
   add_evaluate_command(app, run);
   add_study_command(app, run);
+  add_bag_command(app, run);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

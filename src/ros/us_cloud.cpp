@@ -1,0 +1,146 @@
+#include "ros/us_cloud.h"
+
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "ros/conversions.h"
+#include "ros/parameters.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/volume/sampling.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+
+void add_line(const PreScanVolume& volume, const BeamGrid& beams, int frame, int line, int step,
+              std::vector<CloudPoint>& points) {
+  for (int sample = 0; sample < beams.samples(); sample += step)
+    points.push_back(
+        {beams.point(frame, line, sample), static_cast<float>(volume.at(sample, line, frame))});
+}
+
+}  // namespace
+
+std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm) {
+  const BeamGrid beams = beam_grid(volume.geometry);
+  const int step =
+      std::max(1, static_cast<int>(std::ceil(spacing_mm / volume.geometry.axial.spacing_mm)));
+  std::vector<CloudPoint> points;
+  for (int line = 0; line < beams.lines; ++line)
+    add_line(volume, beams, beams.frames / 2, line, step, points);
+  for (int frame = 0; frame < beams.frames; ++frame)
+    if (frame != beams.frames / 2) add_line(volume, beams, frame, beams.lines / 2, step, points);
+  return points;
+}
+
+std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,
+                              const Eigen::Isometry3d& T_ct_points) {
+  std::vector<CloudPoint> result;
+  for (const CloudPoint& point : points) {
+    const Eigen::Vector3d index = ct.grid.index_from_physical(T_ct_points * point.p_mm);
+    if (!contains_index(ct.grid, index)) continue;
+    result.push_back(
+        {point.p_mm, sample_at_index(ct, index, Interpolation::kTrilinear, Outside::edge())});
+  }
+  return result;
+}
+
+sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
+                                    const std_msgs::Header& header) {
+  sensor_msgs::PointCloud2 cloud;
+  cloud.header = header;
+  cloud.height = 1;
+  cloud.is_dense = true;
+  sensor_msgs::PointCloud2Modifier modifier(cloud);
+  constexpr auto kFloat = sensor_msgs::PointField::FLOAT32;
+  modifier.setPointCloud2Fields(4, "x", 1, kFloat, "y", 1, kFloat, "z", 1, kFloat, "intensity", 1,
+                                kFloat);
+  modifier.resize(points.size());
+  sensor_msgs::PointCloud2Iterator<float> value(cloud, "x");
+  for (const CloudPoint& point : points) {
+    const Eigen::Vector3d p_m = point.p_mm / kMmPerM;
+    for (int axis = 0; axis < 3; ++axis) value[axis] = static_cast<float>(p_m[axis]);
+    value[3] = point.intensity;
+    ++value;
+  }
+  return cloud;
+}
+
+UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
+    : node_(node), tf_listener_(tf_, node_) {
+  Parameters parameters(private_node);
+  fixed_frame_ = parameters.text("fixed_frame", "");
+  spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
+  tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
+  parameters.finish();
+  us_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/cloud", 1, true);
+  ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud", 1, true);
+  us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::show_ultrasound, this);
+  ct_subscriber_ = node_.subscribe("ct/volume", 1, &UsCloud::take_ct, this);
+  alignment_subscriber_ =
+      node_.subscribe("registration/alignment", 1, &UsCloud::take_alignment, this);
+}
+
+void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
+  std::vector<CloudPoint> fans =
+      crossed_fans(from_message(*message, us_subscriber_.getTopic()), spacing_mm_);
+  std_msgs::Header header = message->header;
+  if (!fixed_frame_.empty()) {
+    const Eigen::Isometry3d T_fixed_us = from_message_mm(
+        tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_).transform,
+        "tf");
+    for (CloudPoint& point : fans) point.p_mm = T_fixed_us * point.p_mm;
+    header.frame_id = fixed_frame_;
+  }
+  us_publisher_.publish(to_message(fans, header));
+  {
+    const std::lock_guard lock(mutex_);
+    header_ = header;
+    fans_ = std::move(fans);
+  }
+  show_ct();
+} catch (const InputError& error) {
+  ROS_ERROR("%s", error.what());
+} catch (const tf2::TransformException& error) {
+  ROS_ERROR("ultrasound of %.3f s is not shown: tf: %s", message->header.stamp.toSec(),
+            error.what());
+}
+
+void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
+  auto ct = std::make_shared<const CtVolume>(from_message(*message, ct_subscriber_.getTopic()));
+  {
+    const std::lock_guard lock(mutex_);
+    ct_ = std::move(ct);
+  }
+  show_ct();
+} catch (const InputError& error) {
+  ROS_ERROR("%s", error.what());
+}
+
+void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
+  {
+    const std::lock_guard lock(mutex_);
+    alignment_ = message;
+  }
+  show_ct();
+}
+
+void UsCloud::show_ct() try {
+  const std::lock_guard lock(mutex_);
+  if (fans_.empty()) return;
+  std::vector<CloudPoint> points;
+  if (ct_ && alignment_ && alignment_->state != msg::Alignment::NONE &&
+      alignment_->header.frame_id == header_.frame_id)
+    points =
+        ct_at(fans_, *ct_,
+              from_message_mm(alignment_->transform, alignment_subscriber_.getTopic()).inverse());
+  ct_publisher_.publish(to_message(points, header_));
+} catch (const InputError& error) {
+  ROS_ERROR("%s", error.what());
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <ros/ros.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <us_ct_registration/Alignment.h>
+#include <us_ct_registration/CtVolume.h>
+#include <us_ct_registration/PreScanVolume.h>
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct::ros_interface {
+
+/// A place of the ultrasound's field of view, and what is seen there.
+struct CloudPoint {
+  Eigen::Vector3d p_mm;
+  float intensity;
+};
+
+/// The samples of the middle frame and of the middle line of all frames: two fans that cross, in
+/// the US frame. Along the lines every so many samples that they are `spacing_mm` apart, or more.
+std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm);
+
+/// The CT (HU) at the same places; those outside it are left out.
+std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,
+                              const Eigen::Isometry3d& T_ct_points);
+
+/// x, y, z (m) and intensity, 32-bit floats.
+sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
+                                    const std_msgs::Header& header);
+
+/// The node `us_cloud`: ultrasound, and the CT on the same fans, as clouds for rviz.
+///
+/// Both are published in the fixed frame, where they stay when the probe moves away. docs/nodes has
+/// topics and parameters.
+class UsCloud {
+ public:
+  UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
+
+ private:
+  void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
+  void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
+  void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
+  /// Publishes the CT on the fans; an empty cloud while there is no alignment.
+  void show_ct();
+
+  std::string fixed_frame_;
+  double spacing_mm_ = 0.0;
+  ::ros::Duration tf_timeout_;
+  std::mutex mutex_;
+  std_msgs::Header header_;
+  std::vector<CloudPoint> fans_;  // in the frame of header_
+  std::shared_ptr<const CtVolume> ct_;
+  us_ct_registration::AlignmentConstPtr alignment_;
+  ::ros::NodeHandle node_;
+  tf2_ros::Buffer tf_;
+  tf2_ros::TransformListener tf_listener_;
+  ::ros::Publisher us_publisher_;
+  ::ros::Publisher ct_publisher_;
+  ::ros::Subscriber us_subscriber_;
+  ::ros::Subscriber ct_subscriber_;
+  ::ros::Subscriber alignment_subscriber_;
+};
+
+}  // namespace usct::ros_interface

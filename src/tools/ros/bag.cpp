@@ -1,0 +1,201 @@
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.h"
+#include "exit_status.h"
+#include "inputs.h"
+#include "ros/acquisition_bag.h"
+#include "ros/conversions.h"
+#include "ultrasound_options.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/volume_io.h"
+
+namespace usct::tools {
+namespace {
+
+namespace msg = us_ct_registration;
+using ros_interface::BagAcquisition;
+using ros_interface::BagCt;
+using ros_interface::BagOptions;
+using ros_interface::BagVisitor;
+
+struct BagWriteCommand {
+  std::vector<std::string> us;
+  UltrasoundOptions ultrasound;
+  std::vector<std::string> fixed_pose;
+  std::vector<std::string> truth;
+  std::string ct;
+  std::string ct_path;
+  DicomReadOptions dicom;
+  double start_s = 0.0;
+  std::string poses = "messages";
+  BagOptions bag;
+  std::string output;
+};
+
+/// One file for each sweep, one for all, or none.
+void require_count(const char* option, std::size_t files, std::size_t sweeps) {
+  if (files > 1 && files != sweeps)
+    throw InputError(option, "is given " + std::to_string(files) + " times and --us " +
+                                 std::to_string(sweeps) +
+                                 " times, must be one for each or for all");
+}
+
+const std::string* file_of(const std::vector<std::string>& files, std::size_t sweep) {
+  if (files.empty()) return nullptr;
+  return &files[files.size() == 1 ? 0 : sweep];
+}
+
+PreScanVolume read_beams(const UltrasoundSource& source) {
+  Ultrasound ultrasound = read_ultrasound_with_warnings(source);
+  if (auto* volume = std::get_if<PreScanVolume>(&ultrasound)) return std::move(*volume);
+  throw InputError(source.path.string(),
+                   "is not ultrasound before scan conversion; frames in a bag are lines of samples "
+                   "(usct convert --along-beams and --image-origin make such)");
+}
+
+std::vector<BagAcquisition> read_acquisitions(const BagWriteCommand& command) {
+  require_count("--fixed-pose", command.fixed_pose.size(), command.us.size());
+  require_count("--truth", command.truth.size(), command.us.size());
+  std::vector<BagAcquisition> acquisitions;
+  for (std::size_t i = 0; i < command.us.size(); ++i) {
+    BagAcquisition acquisition;
+    acquisition.us = read_beams(command.ultrasound.source(command.us[i]));
+    // The file maps points of the US frame, as all transform files here do.
+    if (const std::string* file = file_of(command.fixed_pose, i))
+      acquisition.T_fixed_us = read_T_us_ct(*file).inverse();
+    if (const std::string* file = file_of(command.truth, i))
+      acquisition.T_us_ct = read_T_us_ct(*file);
+    acquisitions.push_back(std::move(acquisition));
+  }
+  return acquisitions;
+}
+
+int run_write(BagWriteCommand command) {
+  command.bag.poses_in_tf = command.poses == "tf";
+  command.bag.start = command.start_s == 0.0 ? ::ros::Time(::ros::WallTime::now().toSec())
+                                             : ::ros::Time(command.start_s);
+  command.bag.validate();
+  BagCt ct;
+  if (!command.ct.empty()) ct.volume = read_ct_with_warnings(command.ct, command.dicom);
+  ct.path = command.ct_path;
+  ros_interface::write_acquisition_bag(read_acquisitions(command), ct, command.bag, command.output);
+  std::printf("%s\n", command.output.c_str());
+  return kDone;
+}
+
+void warn(const std::string& text) { print_warnings({text}); }
+
+struct BagReadCommand {
+  std::string bag;
+  std::string us;
+  std::string ct;
+  int index = 0;
+};
+
+[[noreturn]] void not_there(const BagReadCommand& command, const char* what, int count) {
+  throw InputError(command.bag, "holds " + std::to_string(count) + " " + what + ", --index is " +
+                                    std::to_string(command.index) + ", must be less");
+}
+
+int run_read(const BagReadCommand& command) {
+  if (command.us.empty() && command.ct.empty())
+    throw InputError("bag read", "neither --us nor --ct is given: nothing to take out");
+  int volumes = 0;
+  int cts = 0;
+  BagVisitor visitor;
+  visitor.warning = warn;
+  if (!command.us.empty())
+    visitor.us = [&](const msg::PreScanVolume& volume) {
+      if (volumes++ == command.index)
+        write_prescan_nrrd(ros_interface::from_message(volume, command.bag), command.us);
+    };
+  if (!command.ct.empty())
+    visitor.ct = [&](const msg::CtVolume& volume) {
+      if (cts++ == command.index)
+        write_volume(ros_interface::from_message(volume, command.bag), command.ct);
+    };
+  ros_interface::visit_acquisition_bag(command.bag, visitor);
+  if (!command.us.empty() && volumes <= command.index) not_there(command, "sweeps", volumes);
+  if (!command.ct.empty() && cts <= command.index) not_there(command, "CTs", cts);
+  for (const std::string& output : {command.us, command.ct})
+    if (!output.empty()) std::printf("%s\n", output.c_str());
+  return kDone;
+}
+
+void add_write(CLI::App& bag, Run& run) {
+  CLI::App* sub = bag.add_subcommand(
+      "write",
+      "Makes a bag of an acquisition as it would have been recorded: streamed frames (us/frames), "
+      "tf of a robot that brings the probe, holds it and takes it away, the CT or where it is.");
+  auto command = std::make_shared<BagWriteCommand>();
+  BagOptions& options = command->bag;
+  sub->add_option("--us", command->us,
+                  "ultrasound before scan conversion of any kind that 'usct info' knows; several "
+                  "become several sweeps")
+      ->required();
+  sub->add_option("--output", command->output, "bag to write")->required();
+  sub->add_option("--fixed-pose", command->fixed_pose,
+                  "where the ultrasound was: ITK transform from US points to points of the fixed "
+                  "frame, mm; one for all --us, or one each; without it the bag has no tf of the "
+                  "fixed frame");
+  sub->add_option("--truth", command->truth,
+                  "ITK transform from US to CT points, mm, LPS: the truth, on truth/alignment; one "
+                  "for all --us, or one each");
+  sub->add_option("--start", command->start_s, "stamp of the first frame, s since 1970 [now]");
+  sub->add_option("--frame-rate", options.frame_rate_hz,
+                  "frames per s, where the file has no times")
+      ->capture_default_str();
+  sub->add_option("--pause", options.pause_s, "between sweeps, and after the last, s")
+      ->capture_default_str();
+  sub->add_option("--retract", options.retract_mm,
+                  "how far the probe moves away after a sweep, mm; 0: it stays")
+      ->capture_default_str();
+  sub->add_option(
+         "--poses", command->poses,
+         "where the poses of a tracked sweep go: messages, or tf (US frame -> array frame)")
+      ->check(CLI::IsMember({"messages", "tf"}))
+      ->capture_default_str();
+  sub->add_option("--fixed-frame", options.fixed_frame, "name")->capture_default_str();
+  sub->add_option("--us-frame", options.us_frame, "name")->capture_default_str();
+  sub->add_option("--array-frame", options.array_frame, "name; tracked sweeps")
+      ->capture_default_str();
+  sub->add_option("--ct-frame", options.ct_frame, "name")->capture_default_str();
+  CLI::Option* ct =
+      sub->add_option("--ct", command->ct, "CT to put into the bag (ct/volume), any format");
+  sub->add_option("--ct-path", command->ct_path,
+                  "text on ct/path, for people and scripts: where the CT is; no node opens it")
+      ->excludes(ct);
+  add_dicom_options(*sub, command->dicom);
+  command->ultrasound.add_to(*sub);
+  sub->callback([command, &run] { run = [command] { return run_write(*command); }; });
+}
+
+void add_read(CLI::App& bag, Run& run) {
+  CLI::App* sub = bag.add_subcommand(
+      "read",
+      "Takes ultrasound and CT out of a bag: volumes, or sweeps assembled from streamed frames. "
+      "Found by the type of the messages, whatever their topics are called.");
+  auto command = std::make_shared<BagReadCommand>();
+  sub->add_option("bag", command->bag, "bag to read")->required();
+  sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd");
+  sub->add_option("--ct", command->ct, "CT to write, .nrrd, .mha, .nii.gz");
+  sub->add_option("--index", command->index, "which sweep (or CT) of the bag, from 0")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->callback([command, &run] { run = [command] { return run_read(*command); }; });
+}
+
+}  // namespace
+
+void add_bag_command(CLI::App& app, Run& run) {
+  CLI::App* bag = app.add_subcommand("bag", "Bags of acquisitions: makes and reads them.");
+  bag->require_subcommand(1);
+  add_write(*bag, run);
+  add_read(*bag, run);
+}
+
+}  // namespace usct::tools
