@@ -2,7 +2,9 @@
 
 #include <geometry_msgs/TransformStamped.h>
 #include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <std_msgs/String.h>
+#include <tf2/buffer_core.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
@@ -10,9 +12,11 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "ros/conversions.h"
 #include "ros/frames.h"
+#include "ros/sweep_assembler.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 
@@ -29,6 +33,9 @@ constexpr double kArrivalS = 2.5;
 constexpr double kStillS = 0.4;
 constexpr double kMoveS = 1.0;
 constexpr double kTfPeriodS = 0.02;
+// Of recordings that are read: as long as any, and longer than any pause that ends a sweep.
+constexpr double kTfHistoryS = 1e9;
+constexpr double kEndS = 1e6;
 
 /// Messages in order of time, as a recorder gets them.
 class Recording {
@@ -91,7 +98,7 @@ Isometry3d retracted(const Isometry3d& T, double distance_mm) {
 /// still for a moment, then it is on its way.
 void add_departure(const StampedPose& from, double duration_s, int direction, double retract_mm,
                    std::vector<StampedPose>& path) {
-  const int steps = static_cast<int>(duration_s / kTfPeriodS);
+  const int steps = static_cast<int>(std::lround(duration_s / kTfPeriodS));
   for (int step = 1; step <= steps; ++step) {
     const double since_s = step * kTfPeriodS;
     const double moved = std::clamp((since_s - kStillS) / kMoveS, 0.0, 1.0);
@@ -105,7 +112,8 @@ std::vector<StampedPose> robot_path(const std::vector<std::vector<StampedPose>>&
                                     double pause_s, double retract_mm) {
   std::vector<StampedPose> path;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
-    const double before_s = i == 0 ? kArrivalS : pause_s / 2.0;
+    // No two transforms of one stamp where a departure meets the next arrival.
+    const double before_s = i == 0 ? kArrivalS : pause_s / 2.0 - kTfPeriodS;
     const double after_s = i + 1 == sweeps.size() ? pause_s : pause_s / 2.0;
     add_departure(sweeps[i].front(), before_s, -1, retract_mm, path);
     path.insert(path.end(), sweeps[i].begin(), sweeps[i].end());
@@ -263,6 +271,105 @@ void require_frame(const std::string& option, const std::string& frame) {
                                 "', must be the name of a frame, without a slash in front");
 }
 
+/// Reads by the type of messages: recordings have the topics of whoever recorded.
+class BagReader {
+ public:
+  explicit BagReader(const std::filesystem::path& path) : path_(path), bag_(path.string()) {}
+
+  void visit_ct(const BagVisitor& visitor) const {
+    for_each<msg::CtVolume>(
+        [&](const msg::CtVolume::ConstPtr& message, const Time&) { visitor.ct(*message); });
+  }
+
+  void visit_ultrasound(const BagVisitor& visitor) const {
+    const int volumes = for_each<msg::PreScanVolume>(
+        [&](const msg::PreScanVolume::ConstPtr& message, const Time&) { visitor.us(*message); });
+    if (volumes == 0) assemble(visitor);
+  }
+
+ private:
+  /// Returns how many there are. Messages of this type on several topics are an InputError.
+  template <typename Message>
+  int for_each(
+      const std::function<void(const typename Message::ConstPtr&, const Time&)>& take) const {
+    const std::string type = ::ros::message_traits::datatype<Message>();
+    rosbag::View view(bag_, rosbag::TypeQuery(type));
+    std::set<std::string> topics;
+    for (const rosbag::ConnectionInfo* connection : view.getConnections())
+      topics.insert(connection->topic);
+    if (topics.size() > 1)
+      throw InputError(path_.string(), "has " + type + " on several topics (" + *topics.begin() +
+                                           ", " + *topics.rbegin() +
+                                           "), must be one: 'rosbag filter' keeps one");
+    int count = 0;
+    for (const rosbag::MessageInstance& instance : view) {
+      const typename Message::ConstPtr message = instance.instantiate<Message>();
+      if (!message)
+        throw InputError(path_.string(), "has " + type + " of another version of this package");
+      take(message, instance.getTime());
+      ++count;
+    }
+    return count;
+  }
+
+  void assemble(const BagVisitor& visitor) const {
+    tf2::BufferCore tf(Duration(kTfHistoryS));
+    read_tf(tf);
+    SweepAssembler assembler{AssemblyOptions()};
+    const auto pass_on = [&](const std::vector<EndedSweep>& sweeps) {
+      for (const EndedSweep& sweep : sweeps) {
+        if (!sweep.message.empty())
+          visitor.warning("sweep " + std::to_string(sweep.number) + ": " + sweep.message);
+        if (sweep.volume) visitor.us(*sweep.volume);
+      }
+    };
+    Time last;
+    for_each<msg::PreScanFrame>([&](const msg::PreScanFrame::ConstPtr& frame, const Time& time) {
+      pass_on(assembler.end_after_pause(time));
+      pass_on(assembler.add(with_pose(frame, tf), time));
+      last = time;
+    });
+    pass_on(assembler.end_after_pause(last + Duration(kEndS)));
+  }
+
+  void read_tf(tf2::BufferCore& tf) const {
+    rosbag::View view(bag_, rosbag::TypeQuery("tf2_msgs/TFMessage"));
+    for (const rosbag::MessageInstance& instance : view) {
+      const std::string& topic = instance.getTopic();
+      const bool is_static = topic.size() >= 10 && topic.substr(topic.size() - 10) == "/tf_static";
+      const tf2_msgs::TFMessage::ConstPtr message = instance.instantiate<tf2_msgs::TFMessage>();
+      for (const geometry_msgs::TransformStamped& transform : message->transforms)
+        tf.setTransform(transform, "bag", is_static);
+    }
+  }
+
+  /// A tracked frame without a pose: that of its frame in the frame's parent, which the US frame
+  /// is.
+  static StreamedFrame with_pose(const msg::PreScanFrame::ConstPtr& frame,
+                                 const tf2::BufferCore& tf) {
+    StreamedFrame streamed;
+    streamed.frame = frame;
+    if (frame->geometry.type == msg::ProbeGeometry::MOTORISED_CURVILINEAR ||
+        !frame->pose_frame_id.empty())
+      return streamed;
+    const Time& stamp = frame->header.stamp;
+    if (!tf._getParent(frame->header.frame_id, stamp, streamed.tf_frame_id)) {
+      streamed.tf_error = "tf does not know '" + frame->header.frame_id + "' at the stamp";
+      return streamed;
+    }
+    try {
+      streamed.tf_pose = to_pose_message(from_message_mm(
+          tf.lookupTransform(streamed.tf_frame_id, frame->header.frame_id, stamp).transform, "tf"));
+    } catch (const tf2::TransformException& error) {
+      streamed.tf_error = error.what();
+    }
+    return streamed;
+  }
+
+  std::filesystem::path path_;
+  rosbag::Bag bag_;
+};
+
 }  // namespace
 
 void BagOptions::validate() const {
@@ -299,8 +406,13 @@ void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, cons
 }
 
 void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& visitor) {
-  (void)path;
-  (void)visitor;
+  try {
+    const BagReader reader(path);
+    if (visitor.us) reader.visit_ultrasound(visitor);
+    if (visitor.ct) reader.visit_ct(visitor);
+  } catch (const rosbag::BagException& error) {
+    throw InputError(path.string(), error.what());
+  }
 }
 
 }  // namespace usct::ros_interface

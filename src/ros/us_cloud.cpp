@@ -74,6 +74,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
     : node_(node), tf_listener_(tf_, node_) {
   Parameters parameters(private_node);
   fixed_frame_ = parameters.text("fixed_frame", "");
+  acquired_frame_ = parameters.text("acquired_frame", "us_acquired");
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
   tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
   parameters.finish();
@@ -90,11 +91,13 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
       crossed_fans(from_message(*message, us_subscriber_.getTopic()), spacing_mm_);
   std_msgs::Header header = message->header;
   if (!fixed_frame_.empty()) {
-    const Eigen::Isometry3d T_fixed_us = from_message_mm(
-        tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_).transform,
-        "tf");
+    geometry_msgs::TransformStamped fixed_us =
+        tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
+    const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
     for (CloudPoint& point : fans) point.p_mm = T_fixed_us * point.p_mm;
     header.frame_id = fixed_frame_;
+    fixed_us.child_frame_id = acquired_frame_;
+    broadcaster_.sendTransform(fixed_us);
   }
   us_publisher_.publish(to_message(fans, header));
   {

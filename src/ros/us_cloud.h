@@ -3,6 +3,7 @@
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/buffer.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
@@ -39,8 +40,8 @@ sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
 
 /// The node `us_cloud`: ultrasound, and the CT on the same fans, as clouds for rviz.
 ///
-/// Both are published in the fixed frame, where they stay when the probe moves away. docs/nodes has
-/// topics and parameters.
+/// Both are published in the fixed frame, where they stay when the probe moves away; tf gets a
+/// frame there as well, to look at. docs/nodes/us_cloud.md.
 class UsCloud {
  public:
   UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
@@ -53,6 +54,7 @@ class UsCloud {
   void show_ct();
 
   std::string fixed_frame_;
+  std::string acquired_frame_;
   double spacing_mm_ = 0.0;
   ::ros::Duration tf_timeout_;
   std::mutex mutex_;
@@ -63,6 +65,7 @@ class UsCloud {
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_;
+  tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;
   ::ros::Publisher ct_publisher_;
   ::ros::Subscriber us_subscriber_;

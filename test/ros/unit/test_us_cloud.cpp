@@ -1,0 +1,78 @@
+#include <gtest/gtest.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include "ros/us_cloud.h"
+#include "us_ct_registration/geometry/scan_geometry.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::Vector3d;
+
+/// 7 samples x 3 lines x 5 frames; the brightness tells frame, line and sample.
+PreScanVolume volume() {
+  PreScanVolume result;
+  result.geometry = {{7, 3.0, 0.4},
+                     CurvilinearArray{40.0, {-0.1, 0.0, 0.1}},
+                     MotorSweep{27.25, {-0.2, -0.1, 0.0, 0.1, 0.3}, 0.0}};
+  for (int frame = 0; frame < 5; ++frame)
+    for (int line = 0; line < 3; ++line)
+      for (int sample = 0; sample < 7; ++sample)
+        result.voxels.push_back(static_cast<std::uint8_t>(40 * frame + 10 * line + sample));
+  return result;
+}
+
+TEST(CrossedFans, AreTheMiddleFrameAndTheMiddleLinesWhereTheSamplesLie) {
+  const PreScanVolume us = volume();
+  const std::vector<CloudPoint> points = crossed_fans(us, 0.1);
+  EXPECT_EQ(points.size(), 7u * (3 + 4));
+  for (const CloudPoint& point : points) {
+    const int code = static_cast<int>(point.intensity);
+    const int frame = code / 40, line = code % 40 / 10, sample = code % 10;
+    EXPECT_TRUE(frame == 2 || line == 1) << code;
+    const Vector3d expected = us_from_scan(us.geometry, {1.0 * sample, 1.0 * line, 1.0 * frame});
+    EXPECT_LT((point.p_mm - expected).norm(), 1e-9) << code;
+  }
+}
+
+TEST(CrossedFans, LeaveSamplesOutThatAreCloserThanTheSpacing) {
+  // 0.8 mm is two samples: 0, 2, 4, 6.
+  EXPECT_EQ(crossed_fans(volume(), 0.8).size(), 4u * (3 + 4));
+  EXPECT_EQ(crossed_fans(volume(), 0.9).size(), 3u * (3 + 4));
+}
+
+TEST(CtAt, SamplesTheCtAtThePlacesAndLeavesOutWhatIsOutsideIt) {
+  Grid grid;
+  grid.size = {10, 10, 10};
+  CtVolume ct(grid);
+  for (int k = 0; k < 10; ++k)
+    for (int j = 0; j < 10; ++j)
+      for (int i = 0; i < 10; ++i) ct.at(i, j, k) = static_cast<std::int16_t>(100 * i + 10 * j + k);
+  const Eigen::Isometry3d T_ct_points =
+      Eigen::Translation3d(1.0, 2.0, 3.0) * Eigen::AngleAxisd(M_PI / 2.0, Vector3d::UnitZ());
+  // (x, y, z) goes to (1 - y, 2 + x, 3 + z).
+  const std::vector<CloudPoint> found =
+      ct_at({{{4.5, -1.25, 2.0}, 7.0F}, {{0.0, 20.0, 0.0}, 7.0F}}, ct, T_ct_points);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].p_mm, Vector3d(4.5, -1.25, 2.0));
+  EXPECT_NEAR(found[0].intensity, 100 * 2.25 + 10 * 6.5 + 5.0, 1e-3);
+}
+
+TEST(CloudMessage, IsInMetresWithTheIntensityLast) {
+  std_msgs::Header header;
+  header.frame_id = "patient";
+  const sensor_msgs::PointCloud2 cloud =
+      to_message({{{1000.0, -500.0, 250.0}, 42.0F}, {{0.0, 0.0, 1.0}, -100.0F}}, header);
+  EXPECT_EQ(cloud.header.frame_id, "patient");
+  ASSERT_EQ(cloud.width * cloud.height, 2u);
+  const sensor_msgs::PointCloud2ConstIterator<float> x(cloud, "x"), y(cloud, "y"), z(cloud, "z");
+  sensor_msgs::PointCloud2ConstIterator<float> intensity(cloud, "intensity");
+  EXPECT_EQ(*x, 1.0F);
+  EXPECT_EQ(*y, -0.5F);
+  EXPECT_EQ(*z, 0.25F);
+  EXPECT_EQ(*intensity, 42.0F);
+  EXPECT_EQ(*(intensity + 1), -100.0F);
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
