@@ -58,10 +58,10 @@ Vector3i factors_to(double spacing_mm, const Grid& grid, const Vector3i& availab
 }  // namespace
 
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options) {
+                                      const RegistrationOptions& options, const Progress& check) {
   const BeamUltrasound averaged =
       decimate(ultrasound, factors_for_spacing(ultrasound.beams, options.conditioning_spacing_mm));
-  ConditionedUltrasound conditioned = condition(averaged, options.conditioning);
+  ConditionedUltrasound conditioned = condition(averaged, options.conditioning, check);
   PreparedUltrasound prepared;
   prepared.us.beams = averaged.beams;
   prepared.us.brightness = std::move(conditioned.samples);
@@ -88,13 +88,15 @@ CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
   return {ct, region_around(ct.grid, points, margin_mm)};
 }
 
-std::vector<Volume<float>> ct_levels(const CtInReach& in_reach,
-                                     const RegistrationOptions& options) {
+std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
+                                     const Progress& check) {
   std::vector<Volume<float>> levels(options.stages.size());
   const Volume<float>* finer = nullptr;
   for (std::size_t i = levels.size(); i-- > 0;) {
     const StageOptions& stage = options.stages[i];
     if (simulates(stage)) continue;
+    if (check)
+      check(static_cast<double>(levels.size() - 1 - i) / static_cast<double>(levels.size()));
     if (finer == nullptr)
       levels[i] =
           shrink(in_reach.ct, factors_to(stage.spacing_mm, in_reach.ct.grid, in_reach.region.size),

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "us_ct_registration/progress.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/similarity/similarity.h"
 #include "us_ct_registration/volume/operations.h"
@@ -18,8 +19,10 @@ struct PreparedUltrasound {
   std::vector<Eigen::Vector3d> points_us_mm;
 };
 
+/// `check` is called between the parts of the work and may throw to cancel; so below.
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options);
+                                      const RegistrationOptions& options,
+                                      const Progress& check = {});
 
 /// The part of the CT that the ultrasound can reach: its field of view at the initial pose, moved
 /// and turned as far as the starts go. Of size 0 where there is none.
@@ -33,7 +36,8 @@ CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
 
 /// The CT of each stage, averaged to its spacing, coarse ones from fine ones. Empty for stages that
 /// simulate: they take the CT as it is.
-std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options);
+std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
+                                     const Progress& check = {});
 
 /// The similarity of a stage, and on request another one on the same images.
 struct Level {
