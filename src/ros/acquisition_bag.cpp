@@ -5,6 +5,7 @@
 #include <rosbag/view.h>
 #include <std_msgs/String.h>
 #include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
@@ -313,7 +314,7 @@ class BagReader {
   }
 
   void assemble(const BagVisitor& visitor) const {
-    tf2::BufferCore tf(Duration(kTfHistoryS));
+    tf2::BufferCore tf{Duration(kTfHistoryS)};
     read_tf(tf);
     SweepAssembler assembler{AssemblyOptions()};
     const auto pass_on = [&](const std::vector<EndedSweep>& sweeps) {

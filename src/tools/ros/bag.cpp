@@ -126,6 +126,59 @@ int run_read(const BagReadCommand& command) {
   return kDone;
 }
 
+nlohmann::ordered_json describe(const msg::PreScanVolume& volume) {
+  const char* kinds[] = {"unknown", "motorised_curvilinear", "tracked_curvilinear",
+                         "tracked_linear"};
+  nlohmann::ordered_json sweep;
+  sweep["geometry"] = kinds[volume.geometry.type];
+  sweep["size"] = {volume.samples, volume.lines, volume.frames};
+  sweep["frame_id"] = volume.header.frame_id;
+  sweep["acquired_s"] = volume.header.stamp.toSec();
+  return sweep;
+}
+
+nlohmann::ordered_json describe(const msg::CtVolume& volume) {
+  nlohmann::ordered_json ct;
+  ct["size"] = volume.size;
+  for (const double spacing_m : volume.spacing)
+    ct["spacing_mm"].push_back(ros_interface::kMmPerM * spacing_m);
+  ct["frame_id"] = volume.header.frame_id;
+  return ct;
+}
+
+struct BagInfoCommand {
+  std::string bag;
+  bool json = false;
+};
+
+void print_all(const char* what, const nlohmann::ordered_json& all) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    std::printf("%s %zu:", what, i);
+    for (const auto& [key, value] : all[i].items())
+      std::printf(" %s %s", key.c_str(), value.dump().c_str());
+    std::printf("\n");
+  }
+}
+
+int run_info(const BagInfoCommand& command) {
+  auto sweeps = nlohmann::ordered_json::array();
+  auto cts = nlohmann::ordered_json::array();
+  BagVisitor visitor;
+  visitor.warning = warn;
+  visitor.us = [&](const msg::PreScanVolume& volume) { sweeps.push_back(describe(volume)); };
+  visitor.ct = [&](const msg::CtVolume& volume) { cts.push_back(describe(volume)); };
+  ros_interface::visit_acquisition_bag(command.bag, visitor);
+  if (command.json) {
+    const nlohmann::ordered_json all = {{"file", command.bag}, {"ultrasound", sweeps}, {"ct", cts}};
+    std::printf("%s\n", all.dump(2).c_str());
+  } else {
+    print_all("ultrasound", sweeps);
+    print_all("CT", cts);
+    if (sweeps.empty() && cts.empty()) std::printf("neither ultrasound nor CT\n");
+  }
+  return kDone;
+}
+
 void add_write(CLI::App& bag, Run& run) {
   CLI::App* sub = bag.add_subcommand(
       "write",
@@ -189,6 +242,17 @@ void add_read(CLI::App& bag, Run& run) {
   sub->callback([command, &run] { run = [command] { return run_read(*command); }; });
 }
 
+void add_info(CLI::App& bag, Run& run) {
+  CLI::App* sub = bag.add_subcommand(
+      "info",
+      "Lists the sweeps and CTs of a bag, in the order of --index ('rosbag info' lists "
+      "topics).");
+  auto command = std::make_shared<BagInfoCommand>();
+  sub->add_option("bag", command->bag, "bag to read")->required();
+  sub->add_flag("--json", command->json, "as JSON");
+  sub->callback([command, &run] { run = [command] { return run_info(*command); }; });
+}
+
 }  // namespace
 
 void add_bag_command(CLI::App& app, Run& run) {
@@ -196,6 +260,7 @@ void add_bag_command(CLI::App& app, Run& run) {
   bag->require_subcommand(1);
   add_write(*bag, run);
   add_read(*bag, run);
+  add_info(*bag, run);
 }
 
 }  // namespace usct::tools
