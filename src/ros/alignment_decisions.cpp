@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "ros/conversions.h"
+#include "ros/status.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -44,13 +45,6 @@ msg::Alignment alignment_from(const msg::RegistrationResult& result) {
 bool is_frame_name(const std::string& name) { return !name.empty() && name.front() != '/'; }
 
 }  // namespace
-
-msg::StatusCode status(std::uint8_t code, const std::string& message) {
-  msg::StatusCode answer;
-  answer.code = code;
-  answer.message = message;
-  return answer;
-}
 
 msg::StatusCode AlignmentDecisions::restore(const StoredAlignment& stored) {
   decided_ = stored.decided;

@@ -88,7 +88,4 @@ class AlignmentDecisions {
   std::uint32_t decided_ = 0;
 };
 
-/// An answer in one expression.
-us_ct_registration::StatusCode status(std::uint8_t code, const std::string& message);
-
 }  // namespace usct::ros_interface

@@ -4,6 +4,7 @@
 
 #include "ros/alignment_file.h"
 #include "ros/parameters.h"
+#include "ros/status.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
