@@ -2,12 +2,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "commands.h"
-#include "exit_status.h"
-#include "inputs.h"
 #include "ros/acquisition_bag.h"
 #include "ros/conversions.h"
-#include "ultrasound_options.h"
+#include "tools/commands.h"
+#include "tools/exit_status.h"
+#include "tools/inputs.h"
+#include "tools/ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/prescan_nrrd.h"
 #include "us_ct_registration/io/transform_io.h"
