@@ -1,6 +1,7 @@
 #include "ros/sweep_assembler.h"
 
 #include <algorithm>
+#include <boost/make_shared.hpp>
 #include <cmath>
 #include <limits>
 
