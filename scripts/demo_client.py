@@ -1,22 +1,25 @@
 #!/usr/bin/env python3
-"""What scripts/demo asks of the running nodes, as any other program of the operating room would.
+"""What scripts/demo, and tests, ask of the running nodes, as any other program of the operating room would.
 
+  demo_client.py segment CASE            what a surgeon would have outlined in a phantom's CT: CASE/segmentation.nrrd
   demo_client.py ready                   waits until all nodes are up and the CT is there
-  demo_client.py acquired                waits until there is an ultrasound volume
+  demo_client.py acquired [SECONDS]      waits for an ultrasound volume, with a stamp after SECONDS
   demo_client.py initial INFO.json       tells the registration where to start; INFO: usct info --json
-  demo_client.py ct_in_tf FOUND.tfm [TARGETS_CT.csv]
-                                         looks the CT up in tf, writes the transform of the result, and
-                                         compares tf with truth/alignment at the targets, if given
+  demo_client.py found FOUND.tfm         writes the transform of the newest result
+  demo_client.py ct_in_tf [TARGETS_CT.csv]  looks the CT up in tf; compares it with truth/alignment at the targets
+  demo_client.py moved_away MM           waits until the probe is this far from where it acquired the volume
+  demo_client.py restored                waits until an alignment from before a restart is broadcast
 """
 import csv
 import json
 import sys
+import time
 
 import numpy
 import rospy
 import tf2_ros
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from us_ct_registration.msg import CtInfo, PreScanVolume, RegistrationResult, StatusCode
+from us_ct_registration.msg import Alignment, CtInfo, PreScanVolume, RegistrationResult, StatusCode
 from us_ct_registration.srv import SetInitialAlignment, SetInitialAlignmentRequest
 
 LIMIT_S = 120.0
@@ -42,19 +45,60 @@ def matrix_of(transform):
     return matrix
 
 
-def latched(topic, kind):
-    return rospy.wait_for_message(topic, kind, LIMIT_S)
+def first(topic, kind, condition=lambda message: True):
+    """The first message (a latched one comes at once) that fulfils the condition."""
+    end = time.monotonic() + LIMIT_S
+    found = []
+    subscriber = rospy.Subscriber(topic, kind, lambda message: found.append(message) if condition(message) else None)
+    while not found:
+        if time.monotonic() > end:
+            sys.exit(f"waited {LIMIT_S:.0f} s for {topic}")
+        time.sleep(0.02)
+    subscriber.unregister()
+    return found[0]
+
+
+def look_up(target, source, condition=lambda T: True):
+    """The newest transform that fulfils the condition, 4 x 4, mm. Wall time: the clock of a bag may stand still."""
+    end = time.monotonic() + LIMIT_S
+    buffer = tf2_ros.Buffer()
+    listener = tf2_ros.TransformListener(buffer)
+    while time.monotonic() < end:
+        try:
+            T = matrix_of(buffer.lookup_transform(target, source, rospy.Time(0)).transform)
+            if condition(T):
+                listener.unregister()
+                return T
+        except tf2_ros.TransformException:
+            pass
+        time.sleep(0.02)
+    sys.exit(f"waited {LIMIT_S:.0f} s for '{target}' -> '{source}' in tf")
+
+
+def segment(case):
+    """The phantom labels each tissue; an outlined kidney is several of them."""
+    outlined = {1: ("cortex", "medulla", "sinus_fat", "urine"), 2: ("tumour",), 3: ("artery",), 4: ("vein",)}
+    with open(f"{case}/phantom.json") as stream:
+        tissues = {name: int(label) for label, name in json.load(stream)["labels"].items()}
+    with open(f"{case}/labels.nrrd", "rb") as stream:
+        header, voxels = stream.read().split(b"\n\n", 1)
+    labels = numpy.frombuffer(voxels, "<u2")
+    segmentation = numpy.zeros_like(labels)
+    for label, names in outlined.items():
+        segmentation[numpy.isin(labels, [tissues[name] for name in names])] = label
+    with open(f"{case}/segmentation.nrrd", "wb") as stream:
+        stream.write(header + b"\n\n" + segmentation.tobytes())
 
 
 def ready():
     for service in ("/register", "/registration/accept", "/registration/set_initial_alignment"):
         rospy.wait_for_service(service, LIMIT_S)
-    info = latched("/ct/info", CtInfo)
+    info = first("/ct/info", CtInfo)
     print(f"CT: {' x '.join(map(str, info.size))} voxels, {info.lowest} to {info.highest} HU")
 
 
-def acquired():
-    volume = latched("/us/volume", PreScanVolume)
+def acquired(after_s="0"):
+    volume = first("/us/volume", PreScanVolume, lambda message: message.header.stamp.to_sec() > float(after_s))
     print(f"ultrasound: {volume.samples} x {volume.lines} x {volume.frames}, acquired at "
           f"{volume.header.stamp.to_sec():.3f} in '{volume.header.frame_id}'")
 
@@ -63,10 +107,15 @@ def initial(info_path):
     with open(info_path) as stream:
         T_us_ct = numpy.array(json.load(stream)["T_us_ct"])
     request = SetInitialAlignmentRequest(type=SetInitialAlignmentRequest.POSE)
-    request.header.frame_id = latched("/us/volume", PreScanVolume).header.frame_id
+    request.header.frame_id = first("/us/volume", PreScanVolume).header.frame_id
     request.transform.translation = Vector3(*T_us_ct[:3, 3] / MM_PER_M)
     request.transform.rotation = quaternion_of(T_us_ct[:3, :3])
-    status = rospy.ServiceProxy("/registration/set_initial_alignment", SetInitialAlignment)(request).status
+    set_initial_alignment = rospy.ServiceProxy("/registration/set_initial_alignment", SetInitialAlignment)
+    set_initial_alignment.wait_for_service(LIMIT_S)
+    # The volume may have reached this program before the registration, which then has nothing to anchor it by.
+    end = time.monotonic() + LIMIT_S
+    while (status := set_initial_alignment(request).status).code == StatusCode.NO_ULTRASOUND and time.monotonic() < end:
+        time.sleep(0.1)
     if status.code != StatusCode.OK:
         sys.exit(f"the initial alignment was refused: {status.message}")
 
@@ -80,24 +129,30 @@ def write_itk_transform(path, T_us_ct):
                      f"Parameters: {numbers}\nFixedParameters: 0 0 0\n")
 
 
-def ct_in_tf(found_path, targets_path=None):
-    result = latched("/registration/result", RegistrationResult)
+def registered():
+    result = first("/registration/result", RegistrationResult)
     if result.status.code != StatusCode.REGISTERED:
         sys.exit(f"not registered: {result.status.message}")
-    write_itk_transform(found_path, matrix_of(result.transform))
-    buffer = tf2_ros.Buffer()
-    tf2_ros.TransformListener(buffer)
-    found = buffer.lookup_transform(result.fixed_frame, result.ct_frame, rospy.Time(0), rospy.Duration(LIMIT_S))
-    print(f"tf: '{found.header.frame_id}' -> '{found.child_frame_id}', "
-          f"translation {matrix_of(found.transform)[:3, 3].round(2).tolist()} mm")
+    return result
+
+
+def found(path):
+    write_itk_transform(path, matrix_of(registered().transform))
+
+
+def ct_in_tf(targets_path=None):
+    alignment = first("/registration/alignment", Alignment, lambda message: message.state != Alignment.NONE)
+    T_fixed_ct = look_up(alignment.header.frame_id, alignment.ct_frame)
+    print(f"tf: '{alignment.header.frame_id}' -> '{alignment.ct_frame}', "
+          f"translation {T_fixed_ct[:3, 3].round(2).tolist()} mm")
     if targets_path is None:
         return
-    truth = latched("/truth/alignment", TransformStamped)
-    if (truth.header.frame_id, truth.child_frame_id) != (found.header.frame_id, found.child_frame_id):
-        sys.exit(f"tf and truth are about different frames: {found} {truth}")
+    truth = first("/truth/alignment", TransformStamped)
+    if (truth.header.frame_id, truth.child_frame_id) != (alignment.header.frame_id, alignment.ct_frame):
+        sys.exit(f"tf and truth are about different frames:\n{alignment}\n{truth}")
     with open(targets_path) as stream:
         points_ct_mm = numpy.array([[float(row[axis]) for axis in "xyz"] for row in csv.DictReader(stream)])
-    apart = matrix_of(found.transform) - matrix_of(truth.transform)
+    apart = T_fixed_ct - matrix_of(truth.transform)
     errors_mm = numpy.linalg.norm(points_ct_mm @ apart[:3, :3].T + apart[:3, 3], axis=1)
     print(f"tf against the truth at {len(errors_mm)} points of the kidney's surface, mm: "
           f"mean {errors_mm.mean():.2f}, max {errors_mm.max():.2f}")
@@ -105,11 +160,24 @@ def ct_in_tf(found_path, targets_path=None):
         sys.exit(f"the mean error must be <= {WORST_MEAN_MM} mm")
 
 
+def moved_away(distance_mm):
+    result = registered()
+    T_fixed_us = matrix_of(result.fixed_transform) @ numpy.linalg.inv(matrix_of(result.transform))
+    look_up(result.fixed_frame, result.header.frame_id,
+            lambda T: numpy.linalg.norm(T[:3, 3] - T_fixed_us[:3, 3]) >= float(distance_mm))
+
+
+def restored():
+    first("/registration/alignment", Alignment, lambda message: message.state == Alignment.RESTORED)
+
+
 def main():
-    tasks = {"ready": ready, "acquired": acquired, "initial": initial, "ct_in_tf": ct_in_tf}
+    tasks = {"segment": segment, "ready": ready, "acquired": acquired, "initial": initial, "found": found,
+             "ct_in_tf": ct_in_tf, "moved_away": moved_away, "restored": restored}
     if len(sys.argv) < 2 or sys.argv[1] not in tasks:
         sys.exit(__doc__)
-    rospy.init_node("demo_client", anonymous=True)
+    if sys.argv[1] != "segment":
+        rospy.init_node("demo_client", anonymous=True)
     tasks[sys.argv[1]](*sys.argv[2:])
 
 

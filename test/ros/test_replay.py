@@ -1,0 +1,234 @@
+#!/usr/bin/env python3
+"""The whole system from outside: a bag of files, replayed on simulated time through all nodes, registered by an empty
+call, the CT looked up in tf by another process; through restarts of every node and of the master."""
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import rosunit
+
+PACKAGE = "us_ct_registration"
+PROJECT = pathlib.Path(__file__).resolve().parents[2]
+CLIENT = [sys.executable, str(PROJECT / "scripts/demo_client.py")]
+LIMIT_S = 180.0
+NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")
+# In the fixed frame; the patient was turned and moved in between.
+POSES = ("-1.4 0.1 0.3 420 -130 250", "-1.38 0.12 0.28 424 -127 247")
+
+
+def wait_for(condition, what):
+    end = time.monotonic() + LIMIT_S
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"waited {LIMIT_S:.0f} s for {what}")
+
+
+def run(command, environment, succeeds=True):
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=2 * LIMIT_S)
+    if succeeds and done.returncode != 0:
+        raise AssertionError(f"{command} ended with {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def usct():
+    for folder in os.environ["CMAKE_PREFIX_PATH"].split(":"):
+        for place in ("lib/us_ct_registration/usct", "bin/usct"):
+            if os.access(f"{folder}/{place}", os.X_OK):
+                return f"{folder}/{place}"
+    raise AssertionError("usct is not below CMAKE_PREFIX_PATH")
+
+
+def pids_of_node(name, environment):
+    """Processes of that name with this test's master: others on this machine may have such nodes as well."""
+    found = []
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            arguments = (process / "cmdline").read_bytes().split(b"\0")
+            variables = (process / "environ").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if f"__name:={name}".encode() in arguments and \
+                f"ROS_MASTER_URI={environment['ROS_MASTER_URI']}".encode() in variables:
+            found.append(int(process.name))
+    return found
+
+
+class Acquisition:
+    """A phantom, and a bag of it per pose."""
+
+    def __init__(self, folder):
+        self.case = folder / "case"
+        run([usct(), "phantom", "--scene", "agar", "--seed", "3", "--output", str(self.case), "--quiet",
+             "--size", "120", "64", "41"], None)
+        self.ct = self.case / "ct.nrrd"
+        # 9 mm off.
+        numbers = (self.case / "truth.tfm").read_text()
+        start = re.sub(r"^Parameters: (.*)$", lambda line: "Parameters: " + self._shifted(line.group(1)), numbers,
+                       flags=re.M)
+        (self.case / "start.tfm").write_text(start)
+        self.initial = self.case / "initial.json"
+        self.initial.write_text(run([usct(), "info", "--json", str(self.case / "start.tfm")], None))
+        self.bags = [self._bag(folder, i, pose) for i, pose in enumerate(POSES)]
+
+    @staticmethod
+    def _shifted(parameters):
+        numbers = [float(x) for x in parameters.split()]
+        for i in (9, 10, 11):
+            numbers[i] += 5.0
+        return " ".join(map(repr, numbers))
+
+    def _bag(self, folder, index, parameters):
+        pose = folder / f"pose_{index}.tfm"
+        pose.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n"
+                        f"Parameters: {parameters}\nFixedParameters: 0 0 0 0\n")
+        bag = folder / f"{index}.bag"
+        # Each later than the one before: time does not run backwards between them.
+        run([usct(), "bag", "write", "--us", str(self.case / "us.nrrd"), "--fixed-pose", str(pose), "--truth",
+             str(self.case / "truth.tfm"), "--start", str(1000 + 1000 * index), "--frame-rate", "40", "--pause", "60", "--output",
+             str(bag)], None)
+        return bag
+
+
+class System:
+    """Master, nodes and player, as processes of their own."""
+
+    def __init__(self, folder, acquisition):
+        self.folder, self.acquisition = folder, acquisition
+        with socket.socket() as free:
+            free.bind(("localhost", 0))
+            port = free.getsockname()[1]
+        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost",
+                                ROS_HOME=str(folder / "ros"), ROS_LOG_DIR=str(folder / "log"))
+        self.environment.pop("ROS_IP", None)
+        self.port = port
+        self.running = {}
+
+    def start(self, name, *command, environment=None):
+        with open(self.folder / f"{name}.log", "ab") as log:
+            self.running[name] = subprocess.Popen(command, env=environment or self.environment, stdout=log,
+                                                  stderr=subprocess.STDOUT)
+
+    def stop(self, name, how=signal.SIGTERM):
+        process = self.running.pop(name, None)
+        if process is None:
+            return
+        process.send_signal(how)
+        process.wait(60)
+
+    def stop_all(self):
+        for name in ("player", "nodes", "master"):
+            self.stop(name)
+
+    def start_master(self):
+        self.start("master", "roscore", "-p", str(self.port))
+        wait_for(lambda: subprocess.run(["rosparam", "list"], env=self.environment, capture_output=True).returncode == 0,
+                 "the master")
+        run(["rosparam", "set", "use_sim_time", "true"], self.environment)
+
+    def start_nodes(self, *arguments):
+        self.start("nodes", "roslaunch", "--wait", PACKAGE, "registration.launch", "fixed_frame:=patient", "policy:=auto",
+                   "preset:=phantom", "respawn:=true", f"ct:={self.acquisition.ct}",
+                   f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
+
+    def play(self, index):
+        self.stop("player")
+        self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(self.acquisition.bags[index]))
+
+    def client(self, *arguments):
+        return run([*CLIENT, *map(str, arguments)], self.environment)
+
+    def log(self):
+        return "\n".join(f"{path.name}:\n{path.read_text(errors='replace')[-5000:]}"
+                         for path in sorted(self.folder.glob("*.log")))
+
+
+class TestReplay(unittest.TestCase):
+    nodelet = "false"
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="usct_replay_"))
+        self.acquisition = Acquisition(self.folder)
+        self.system = System(self.folder, self.acquisition)
+
+    def tearDown(self):
+        self.system.stop_all()
+        if any(error for _, error in getattr(self._outcome, "errors", [])):
+            print(self.system.log())
+        shutil.rmtree(self.folder)
+
+    def ct_in_tf(self):
+        """From another process; fails unless it is within 2 mm of the truth."""
+        print(self.system.client("ct_in_tf", self.acquisition.case / "targets_ct.csv"))
+
+    def acquire_and_register(self, index):
+        """The operator's part: replay, wait for the volume, call /register with nothing."""
+        self.system.play(index)
+        # The latched truth belongs to this bag; the volume before it may still be the newest.
+        self.system.client("acquired", 1000 + 1000 * index)
+        self.system.client("initial", self.acquisition.initial)
+        answer = run(["rosservice", "call", "/register"], self.system.environment)
+        self.assertTrue(answer.startswith("success: True"), answer[:2000])
+        self.ct_in_tf()
+
+    def test_acquisitions_in_a_row_and_a_probe_that_moves_away(self):
+        self.system.start_master()
+        self.system.start_nodes()
+        self.system.client("ready")
+        for index in range(len(POSES)):
+            self.acquire_and_register(index)
+            self.system.client("moved_away", 99)
+            self.ct_in_tf()
+
+    def test_all_nodelets_in_one_process(self):
+        self.system.start_master()
+        self.system.start_nodes("nodelet:=true")
+        self.system.client("ready")
+        self.acquire_and_register(0)
+
+    def test_restart_of_every_node(self):
+        self.system.start_master()
+        self.system.start_nodes()
+        self.system.client("ready")
+        for index, node in enumerate(NODES):
+            self.acquire_and_register(index % 2)
+            (pid,) = pids_of_node(node, self.system.environment)
+            os.kill(pid, signal.SIGKILL)
+            wait_for(lambda: set(pids_of_node(node, self.system.environment)) - {pid}, f"{node} to come back")
+            self.system.client("ready")
+            # The CT that was accepted is still there, or there again.
+            self.ct_in_tf()
+        self.acquire_and_register(0)
+
+    def test_restart_of_the_master(self):
+        self.system.start_master()
+        self.system.start_nodes()
+        self.system.client("ready")
+        self.acquire_and_register(0)
+        self.system.stop("master", signal.SIGKILL)
+        # Nodes do not find a new master by themselves; that is ROS 1. A new launch has the CT of the old one.
+        self.system.stop("player")
+        self.system.stop("nodes")
+        self.system.start_master()
+        self.system.start_nodes()
+        self.system.client("ready")
+        self.system.play(0)
+        self.system.client("acquired", 1000)
+        self.system.client("restored")
+        self.ct_in_tf()
+        self.acquire_and_register(1)
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "replay", TestReplay)
