@@ -103,7 +103,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
 fs::path CtServer::resolve(const std::string& given, const std::string& field) const {
   if (data_root_) return data_root_->resolve(given, field);
   // Then only parameters say what is read.
-  const fs::path path(given);
+  fs::path path(given);
   if (!path.is_absolute())
     throw InputError(given, "parameter '" + field + "' must be a whole path without data_root");
   return path;

@@ -87,7 +87,7 @@ fs::path DataRoot::resolve(const std::string& given, const std::string& field) c
   if (given.empty()) throw InputError("'" + field + "'", "is empty");
   if (given.find('\0') != std::string::npos) throw InputError("'" + field + "'", "has a zero byte");
   std::error_code error;
-  const fs::path path = fs::weakly_canonical(root_ / given, error);
+  fs::path path = fs::weakly_canonical(root_ / given, error);
   if (error || !is_below(path))
     throw PathRefused("'" + field + "' is '" + given +
                       "', must lie below the data root (parameter data_root) after links and .. "

@@ -100,7 +100,7 @@ void TfPublisher::store(const StoredAlignment& changed) {
 
 msg::StatusCode TfPublisher::apply(const Change& change) {
   AlignmentDecisions changed = decisions_;
-  const msg::StatusCode answer = change(changed);
+  msg::StatusCode answer = change(changed);
   if (answer.code != Code::OK) return answer;
   try {
     store(changed.stored());
