@@ -7,11 +7,23 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
+#include <thread>
 
 namespace usct::ros_interface {
 namespace {
 
 constexpr std::chrono::milliseconds kProbe(1000);
+constexpr std::chrono::milliseconds kPoll(10);
+
+bool within_probe_time(const std::function<bool()>& cancelled,
+                       const std::function<bool()>& condition) {
+  const auto end = std::chrono::steady_clock::now() + kProbe;
+  while (!condition()) {
+    if (cancelled() || std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(kPoll);
+  }
+  return true;
+}
 
 std::optional<std::string> published_type(const std::string& topic) {
   ::ros::master::V_TopicInfo topics;
@@ -37,11 +49,11 @@ Probe probe(::ros::NodeHandle node, const std::string& topic,
       topic, 1, [&](const topic_tools::ShapeShifter::ConstPtr& message) {
         found.md5sum = message->getMD5Sum();
       });
-  const auto end = std::chrono::steady_clock::now() + kProbe;
-  while (found.md5sum.empty() && !cancelled() && std::chrono::steady_clock::now() < end) {
-    queue.callAvailable(::ros::WallDuration(0.02));
+  within_probe_time(cancelled, [&] {
+    queue.callAvailable();
     found.connected = found.connected || any.getNumPublishers() > 0;
-  }
+    return !found.md5sum.empty();
+  });
   return found;
 }
 
@@ -61,7 +73,8 @@ std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTop
   if (!type) return "'" + expected.name + "' has no publisher";
   if (*type != expected.datatype)
     return "'" + expected.name + "' is published as " + *type + ", must be " + expected.datatype;
-  if (subscriber.getNumPublishers() > 0)
+  // It may have come just now.
+  if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
     return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";
   // A subscriber for any type would share the connection of one that is there for this type.
   subscriber.shutdown();

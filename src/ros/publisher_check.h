@@ -20,7 +20,7 @@ struct ExpectedTopic {
 /// says so only in the log); or one that has sent nothing.
 ///
 /// `resubscribe` subscribes anew; `subscriber` is let go for the time of the check if it is not
-/// connected. Takes up to a second, or until `cancelled`.
+/// connected. Takes up to two seconds, or until `cancelled`.
 std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTopic& expected,
                                 ::ros::Subscriber& subscriber,
                                 const std::function<::ros::Subscriber()>& resubscribe,
