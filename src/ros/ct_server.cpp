@@ -171,7 +171,8 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
 
 void CtServer::hold(const Loaded& loaded) {
   std_msgs::Header header;
-  header.stamp = ::ros::Time::now();
+  // Simulated time that has not begun yet is 0, which is no stamp: the CT was there before all else.
+  header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
   header.frame_id = ct_frame_;
   // Seconds since 1970: it rises over restarts without being kept anywhere.
   const std::uint32_t revision = std::max(info_.revision + 1, ::ros::WallTime::now().sec);
