@@ -70,18 +70,41 @@ sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
   return cloud;
 }
 
+visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
+                                       const msg::Alignment& alignment, double alpha) {
+  visualization_msgs::MarkerArray result;
+  if (alignment.state == msg::Alignment::NONE) {
+    result.markers.resize(1);
+    result.markers[0].action = visualization_msgs::Marker::DELETEALL;
+    return result;
+  }
+  result = surfaces_ct;
+  const geometry_msgs::Pose pose =
+      to_pose_message(from_message_mm(alignment.transform, "registration/alignment"));
+  for (visualization_msgs::Marker& marker : result.markers) {
+    marker.header.frame_id = alignment.header.frame_id;
+    marker.pose = pose;
+    marker.color.a = static_cast<float>(alpha);
+  }
+  return result;
+}
+
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), tf_listener_(tf_, node_) {
   Parameters parameters(private_node);
   fixed_frame_ = parameters.text("fixed_frame", "");
   acquired_frame_ = parameters.text("acquired_frame", "us_acquired");
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
+  surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
   tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
   parameters.finish();
   us_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/cloud", 1, true);
   ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud", 1, true);
+  surface_publisher_ =
+      node_.advertise<visualization_msgs::MarkerArray>("ct/surface_placed", 1, true);
   us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::show_ultrasound, this);
   ct_subscriber_ = node_.subscribe("ct/volume", 1, &UsCloud::take_ct, this);
+  surface_subscriber_ = node_.subscribe("ct/surface", 1, &UsCloud::take_surface, this);
   alignment_subscriber_ =
       node_.subscribe("registration/alignment", 1, &UsCloud::take_alignment, this);
 }
@@ -132,8 +155,18 @@ void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
   show_ct();
 }
 
+void UsCloud::take_surface(const visualization_msgs::MarkerArrayConstPtr& message) {
+  {
+    const std::lock_guard lock(mutex_);
+    surface_ = message;
+  }
+  show_ct();
+}
+
 void UsCloud::show_ct() try {
   const std::lock_guard lock(mutex_);
+  if (surface_ && alignment_)
+    surface_publisher_.publish(placed(*surface_, *alignment_, surface_alpha_));
   if (fans_.empty()) return;
   std::vector<CloudPoint> points;
   if (ct_ && alignment_ && alignment_->state != msg::Alignment::NONE &&

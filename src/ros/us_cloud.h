@@ -8,6 +8,7 @@
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/PreScanVolume.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include <Eigen/Geometry>
 #include <memory>
@@ -38,7 +39,14 @@ std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVol
 sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
                                     const std_msgs::Header& header);
 
-/// The node `us_cloud`: ultrasound, and the CT on the same fans, as clouds for rviz.
+/// The surfaces of the CT where `alignment` has it: in its fixed frame, so that they need no tf;
+/// with opacity `alpha`. Without an alignment, a marker that deletes all.
+visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
+                                       const us_ct_registration::Alignment& alignment,
+                                       double alpha);
+
+/// The node `us_cloud`: for rviz, ultrasound and the CT on the same fans as clouds, and the CT's
+/// surfaces (rviz drops those that arrive before tf has the CT).
 ///
 /// Both are published in the fixed frame, where they stay when the probe moves away; tf gets a
 /// frame there as well, to look at. docs/nodes/us_cloud.md.
@@ -50,17 +58,20 @@ class UsCloud {
   void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
-  /// Publishes the CT on the fans; an empty cloud while there is no alignment.
+  void take_surface(const visualization_msgs::MarkerArrayConstPtr& message);
+  /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
   void show_ct();
 
   std::string fixed_frame_;
   std::string acquired_frame_;
   double spacing_mm_ = 0.0;
+  double surface_alpha_ = 0.0;
   ::ros::Duration tf_timeout_;
   std::mutex mutex_;
   std_msgs::Header header_;
   std::vector<CloudPoint> fans_;  // in the frame of header_
   std::shared_ptr<const CtVolume> ct_;
+  visualization_msgs::MarkerArrayConstPtr surface_;
   us_ct_registration::AlignmentConstPtr alignment_;
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
@@ -68,8 +79,10 @@ class UsCloud {
   tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;
   ::ros::Publisher ct_publisher_;
+  ::ros::Publisher surface_publisher_;
   ::ros::Subscriber us_subscriber_;
   ::ros::Subscriber ct_subscriber_;
+  ::ros::Subscriber surface_subscriber_;
   ::ros::Subscriber alignment_subscriber_;
 };
 

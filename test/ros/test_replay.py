@@ -66,7 +66,7 @@ def pids_of_node(name, environment):
 
 
 class Acquisition:
-    """A phantom, and a bag of it per pose."""
+    """A phantom, and bags of it, each later than the one before: ultrasound that is older than the CT is refused."""
 
     def __init__(self, folder):
         self.case = folder / "case"
@@ -80,7 +80,8 @@ class Acquisition:
         (self.case / "start.tfm").write_text(start)
         self.initial = self.case / "initial.json"
         self.initial.write_text(run([usct(), "info", "--json", str(self.case / "start.tfm")], None))
-        self.bags = [self._bag(folder, i, pose) for i, pose in enumerate(POSES)]
+        self.folder = folder
+        self.start_s = 0
 
     @staticmethod
     def _shifted(parameters):
@@ -89,14 +90,15 @@ class Acquisition:
             numbers[i] += 5.0
         return " ".join(map(repr, numbers))
 
-    def _bag(self, folder, index, parameters):
-        pose = folder / f"pose_{index}.tfm"
-        pose.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n"
-                        f"Parameters: {parameters}\nFixedParameters: 0 0 0 0\n")
-        bag = folder / f"{index}.bag"
-        # Each later than the one before: time does not run backwards between them.
-        run([usct(), "bag", "write", "--us", str(self.case / "us.nrrd"), "--fixed-pose", str(pose), "--truth",
-             str(self.case / "truth.tfm"), "--start", str(1000 + 1000 * index), "--frame-rate", "40", "--pause", "60", "--output",
+    def next_bag(self, pose):
+        """The probe at POSES[pose], 1000 s after the bag before."""
+        self.start_s += 1000
+        file = self.folder / "pose.tfm"
+        file.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n"
+                        f"Parameters: {POSES[pose]}\nFixedParameters: 0 0 0 0\n")
+        bag = self.folder / f"{self.start_s}.bag"
+        run([usct(), "bag", "write", "--us", str(self.case / "us.nrrd"), "--fixed-pose", str(file), "--truth",
+             str(self.case / "truth.tfm"), "--start", str(self.start_s), "--frame-rate", "40", "--pause", "60", "--output",
              str(bag)], None)
         return bag
 
@@ -142,9 +144,12 @@ class System:
                    "preset:=phantom", "respawn:=true", f"ct:={self.acquisition.ct}",
                    f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
 
-    def play(self, index):
+    def play(self, pose):
+        """Replays the next acquisition and waits for its volume; the one before may still be latched."""
+        bag = self.acquisition.next_bag(pose)
         self.stop("player")
-        self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(self.acquisition.bags[index]))
+        self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(bag))
+        self.client("acquired", self.acquisition.start_s)
 
     def client(self, *arguments):
         return run([*CLIENT, *map(str, arguments)], self.environment)
@@ -172,11 +177,9 @@ class TestReplay(unittest.TestCase):
         """From another process; fails unless it is within 2 mm of the truth."""
         print(self.system.client("ct_in_tf", self.acquisition.case / "targets_ct.csv"))
 
-    def acquire_and_register(self, index):
-        """The operator's part: replay, wait for the volume, call /register with nothing."""
-        self.system.play(index)
-        # The latched truth belongs to this bag; the volume before it may still be the newest.
-        self.system.client("acquired", 1000 + 1000 * index)
+    def acquire_and_register(self, pose):
+        """The operator's part: an acquisition, and /register with nothing."""
+        self.system.play(pose)
         self.system.client("initial", self.acquisition.initial)
         answer = run(["rosservice", "call", "/register"], self.system.environment)
         self.assertTrue(answer.startswith("success: True"), answer[:2000])
@@ -186,8 +189,8 @@ class TestReplay(unittest.TestCase):
         self.system.start_master()
         self.system.start_nodes()
         self.system.client("ready")
-        for index in range(len(POSES)):
-            self.acquire_and_register(index)
+        for pose in range(len(POSES)):
+            self.acquire_and_register(pose)
             self.system.client("moved_away", 99)
             self.ct_in_tf()
 
@@ -224,7 +227,6 @@ class TestReplay(unittest.TestCase):
         self.system.start_nodes()
         self.system.client("ready")
         self.system.play(0)
-        self.system.client("acquired", 1000)
         self.system.client("restored")
         self.ct_in_tf()
         self.acquire_and_register(1)

@@ -86,7 +86,7 @@ class TestTwoMachines(unittest.TestCase):
                    "fixed_frame:=patient", "preset:=phantom", f"ct:={self.acquisition.ct}")
         self.run_on(self.robot, *CLIENT, "ready")
         self.start("player", self.robot, "rosbag", "play", "--clock", "--keep-alive", "--quiet",
-                   self.acquisition.bags[0])
+                   self.acquisition.next_bag(0))
         self.run_on(self.robot, *CLIENT, "acquired")
         self.run_on(self.robot, *CLIENT, "initial", self.acquisition.initial)
         answer = self.run_on(self.robot, "rosservice", "call", "/register")

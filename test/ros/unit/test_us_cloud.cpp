@@ -58,6 +58,29 @@ TEST(CtAt, SamplesTheCtAtThePlacesAndLeavesOutWhatIsOutsideIt) {
   EXPECT_NEAR(found[0].intensity, 100 * 2.25 + 10 * 6.5 + 5.0, 1e-3);
 }
 
+TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheAlignmentHasTheCt) {
+  visualization_msgs::MarkerArray surfaces;
+  surfaces.markers.resize(2);
+  surfaces.markers[1].header.frame_id = "ct";
+  surfaces.markers[1].color.r = 0.5F;
+  us_ct_registration::Alignment alignment;
+  alignment.state = us_ct_registration::Alignment::ACCEPTED;
+  alignment.header.frame_id = "patient";
+  alignment.transform.translation.x = 0.25;
+  alignment.transform.rotation.z = 1.0;
+  const visualization_msgs::MarkerArray found = placed(surfaces, alignment, 0.5);
+  ASSERT_EQ(found.markers.size(), 2u);
+  EXPECT_EQ(found.markers[1].header.frame_id, "patient");
+  EXPECT_EQ(found.markers[1].pose.position.x, 0.25);
+  EXPECT_EQ(std::abs(found.markers[1].pose.orientation.z), 1.0);
+  EXPECT_EQ(found.markers[1].color.a, 0.5F);
+  EXPECT_EQ(found.markers[1].color.r, 0.5F);
+  alignment.state = us_ct_registration::Alignment::NONE;
+  const visualization_msgs::MarkerArray none = placed(surfaces, alignment, 0.5);
+  ASSERT_EQ(none.markers.size(), 1u);
+  EXPECT_EQ(none.markers[0].action, visualization_msgs::Marker::DELETEALL);
+}
+
 TEST(CloudMessage, IsInMetresWithTheIntensityLast) {
   std_msgs::Header header;
   header.frame_id = "patient";
