@@ -91,15 +91,34 @@ class Registration {
     result_.seconds["ultrasound"] = watch.lap();
     report(0.1);
 
-    const registration::CtInReach in_reach =
-        registration::ct_in_reach(ct_, prepared_.us.beams, initial_.T_us_ct, options_);
+    in_reach_.emplace(
+        registration::ct_in_reach(ct_, prepared_.us.beams, initial_.T_us_ct, options_));
+    const registration::CtInReach& in_reach = *in_reach_;
     if (in_reach.region.size.minCoeff() < kLeastVoxels)
       throw Refusal{RegistrationStatus::kNoOverlap,
                     "the CT lies nowhere near the ultrasound at the initial pose"};
-    const std::vector<Volume<float>> cts = registration::ct_levels(in_reach, options_);
+    const std::vector<Volume<float>> cts =
+        registration::ct_levels(in_reach, options_, decisive() + 1);
     for (std::size_t i = 0; i < cts.size(); ++i) levels_.push_back(make_level(i, in_reach, cts[i]));
     result_.seconds["ct"] = watch.lap();
     report(0.2);
+  }
+
+  /// Of the last stage, on the CT around the best optimum alone: it has the finest images, and what
+  /// it moves further than the gates allow is refused.
+  void make_last_level() {
+    const StageOptions& stage = options_.stages.back();
+    const double margin_mm =
+        std::min(2.0 * options_.confidence.max_disagreement_mm, stage.reach_mm);
+    // What simulates follows beams from the probe on.
+    const registration::CtInReach near =
+        stage.similarity.kind == SimilarityKind::kSimulatedLc2
+            ? *in_reach_
+            : registration::ct_around(ct_, prepared_, optima_.front().T_us_ct, margin_mm);
+    if (near.region.size.minCoeff() < kLeastVoxels)
+      throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+    levels_.push_back(
+        make_level(options_.stages.size() - 1, near, registration::ct_level(near, stage)));
   }
 
   Level make_level(std::size_t stage, const registration::CtInReach& in_reach,
@@ -175,6 +194,8 @@ class Registration {
     best_ = optima_.front();
     if (options_.stages.size() > 1) {
       const std::size_t last = options_.stages.size() - 1;
+      make_last_level();
+      result_.seconds["ct"] += watch.lap();
       std::vector<Candidate> polished{best_};
       search_->evaluate(*levels_[last].similarity, polished);
       search_->optimise(*levels_[last].similarity, options_.stages[last], polished);
@@ -252,6 +273,7 @@ class Registration {
   const RegistrationHooks& hooks_;
 
   registration::PreparedUltrasound prepared_;
+  std::optional<registration::CtInReach> in_reach_;
   std::vector<Level> levels_;
   std::optional<Search> search_;
   std::optional<BackgroundPoses> poses_;
