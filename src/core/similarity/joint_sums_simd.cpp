@@ -18,15 +18,18 @@ namespace usct::HWY_NAMESPACE {
 JointSums joint_sums(const JointSumsInput& in) { return joint_sums_scalar(in); }
 #else
 
-/// Neighbouring samples often share a knot; each of them has a table of its own, so that one need
-/// not wait for the other's sum.
-constexpr std::size_t kTables = 4;
-constexpr std::size_t kPerKnot = 2;  // ultrasound, count
+/// Neighbouring samples often lie between the same knots; each of them has a table of its own, so
+/// that one need not wait for the other's sum.
+constexpr std::size_t kTables = 2;
+/// Tables hold what samples between the same four knots give them, side by side: a sample is one
+/// sum, and the knots get theirs when tables are flushed. (row, column), (row, column + 1), (row +
+/// 1, column), (row + 1, column + 1), of each ultrasound and count.
+constexpr std::size_t kPerCell = 8;
 
 /// Samples after which the tables, in single precision, are added to sums in double precision.
 constexpr std::size_t kBeforeFlush = 1 << 15;
 
-/// Where each lane's sample goes: what its row's two knots get, times 1 - `along` (this row) and
+/// Where each lane's sample goes: what the knots of its row get, times 1 - `along` (this row) and
 /// `along` (the next).
 struct Shares {
   alignas(64) float knots[4 * 16];
@@ -50,25 +53,34 @@ HWY_INLINE void share(const JointSumsInput& in, VF value, VF gradient, VF scale,
   hn::StoreInterleaved4(hn::Mul(rest, u), rest, hn::Mul(along_column, u), along_column, df,
                         shares.knots);
   hn::Store(hn::Sub(row, hn::ConvertTo(df, r)), df, shares.along);
-  hn::Store(hn::Add(hn::Mul(r, hn::Set(di, in.columns)), c), di, shares.at);
+  hn::Store(hn::Add(hn::Mul(r, hn::Set(di, in.columns - 1)), c), di, shares.at);
 }
 
-HWY_INLINE void add(const Shares& shares, std::size_t lane, std::size_t row_stride, float* table) {
-  const hn::FixedTag<float, 4> d4;
-  float* here = table + kPerKnot * static_cast<std::size_t>(shares.at[lane]);
-  float* next = here + row_stride;
-  const auto knots = hn::Load(d4, shares.knots + 4 * lane);
-  const auto along = hn::Set(d4, shares.along[lane]);
-  hn::StoreU(hn::MulAdd(knots, along, hn::LoadU(d4, next)), d4, next);
-  hn::StoreU(hn::Add(hn::NegMulAdd(knots, along, knots), hn::LoadU(d4, here)), d4, here);
+HWY_INLINE void add(const Shares& shares, std::size_t lane, float* table) {
+  alignas(32) static constexpr float kThisRow[kPerCell] = {1.0F, 1.0F, 1.0F, 1.0F};
+  alignas(32) static constexpr float kNextRow[kPerCell] = {-1.0F, -1.0F, -1.0F, -1.0F,
+                                                           1.0F,  1.0F,  1.0F,  1.0F};
+  const hn::CappedTag<float, kPerCell> d8;
+  float* cell = table + kPerCell * static_cast<std::size_t>(shares.at[lane]);
+  const auto knots = hn::LoadDup128(d8, shares.knots + 4 * lane);
+  const auto along = hn::Set(d8, shares.along[lane]);
+  for (std::size_t i = 0; i < kPerCell; i += hn::Lanes(d8)) {
+    const auto share = hn::MulAdd(along, hn::Load(d8, kNextRow + i), hn::Load(d8, kThisRow + i));
+    hn::Store(hn::MulAdd(knots, share, hn::Load(d8, cell + i)), d8, cell + i);
+  }
 }
 
-void flush(std::vector<float>& tables, JointSums& sums) {
-  const std::size_t table_size = tables.size() / kTables;
-  for (std::size_t i = 0; i < tables.size(); i += kPerKnot) {
-    const std::size_t knot = i % table_size / kPerKnot;
-    sums.ultrasound[knot] += static_cast<double>(tables[i]);
-    sums.count[knot] += static_cast<double>(tables[i + 1]);
+void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums) {
+  const auto columns = static_cast<std::size_t>(in.columns);
+  const std::size_t cells = tables.size() / kTables / kPerCell;
+  for (std::size_t i = 0; i < cells * kTables; ++i) {
+    const std::size_t cell = i % cells;
+    const std::size_t first = cell / (columns - 1) * columns + cell % (columns - 1);
+    for (std::size_t corner = 0; corner < 4; ++corner) {
+      const std::size_t knot = first + corner / 2 * columns + corner % 2;
+      sums.ultrasound[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner]);
+      sums.count[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner + 1]);
+    }
   }
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
@@ -79,9 +91,9 @@ JointSums sum_all(const JointSumsInput& in) {
   const Constants constants(in.samples);
   const std::size_t knots =
       static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
-  const std::size_t row_stride = kPerKnot * static_cast<std::size_t>(in.columns);
-  const std::size_t table_size = kPerKnot * knots;
-  std::vector<float> tables(kTables * table_size);
+  const std::size_t table_size =
+      kPerCell * static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
+  LargeVector<float> tables(kTables * table_size);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
   const VF scale =
       hn::Set(df, static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu()));
@@ -96,10 +108,10 @@ JointSums sum_all(const JointSumsInput& in) {
           hn::IfThenElseZero(cells.inside, magnitude(constants, ct)), scale,
           hn::LoadU(df, in.ultrasound + s), shares);
     for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
-      add(shares, lane, row_stride, tables.data() + (lane % kTables) * table_size);
-    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(tables, sums);
+      add(shares, lane, tables.data() + (lane % kTables) * table_size);
+    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(in, tables, sums);
   }
-  flush(tables, sums);
+  flush(in, tables, sums);
   sums.inside = static_cast<double>(inside);
   return sums;
 }
