@@ -37,23 +37,37 @@ struct Shares {
   alignas(64) std::int32_t at[16];
 };
 
-HWY_INLINE void share(const JointSumsInput& in, VF value, VF gradient, VF scale, VF ultrasound,
-                      Shares& shares) {
+/// Places on the grid of knots, and the last of them that samples lie beyond.
+struct Knots {
+  explicit Knots(const JointSumsInput& in)
+      : rows_per_byte(static_cast<float>(in.rows - 1) / 255.0F),
+        column_gaps(static_cast<float>(in.columns - 1)),
+        last_row(static_cast<float>(in.rows - 2)),
+        last_column(static_cast<float>(in.columns - 2)),
+        gradient_scale(static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu())) {}
+  float rows_per_byte;
+  float column_gaps;
+  float last_row;
+  float last_column;
+  float gradient_scale;
+};
+
+HWY_INLINE void share(const Knots& knots, VF value, VF gradient, VF ultrasound, Shares& shares) {
   // What is filled up has no ultrasound, and no weight.
   const MF known = hn::Eq(ultrasound, ultrasound);
   const VF u = hn::IfThenElseZero(known, ultrasound);
-  const VF row = hn::Mul(value, hn::Set(df, static_cast<float>(in.rows - 1) / 255.0F));
-  const VF column = hn::Mul(hn::Div(gradient, hn::Add(gradient, scale)),
-                            hn::Set(df, static_cast<float>(in.columns - 1)));
-  const auto r = hn::Min(hn::ConvertTo(di, row), hn::Set(di, in.rows - 2));
-  const auto c = hn::Min(hn::ConvertTo(di, column), hn::Set(di, in.columns - 2));
-  const VF share_next = hn::Sub(column, hn::ConvertTo(df, c));
+  const VF row = hn::Mul(value, hn::Set(df, knots.rows_per_byte));
+  const VF column = hn::Mul(hn::Div(gradient, hn::Add(gradient, hn::Set(df, knots.gradient_scale))),
+                            hn::Set(df, knots.column_gaps));
+  const VF r = hn::Min(hn::Floor(row), hn::Set(df, knots.last_row));
+  const VF c = hn::Min(hn::Floor(column), hn::Set(df, knots.last_column));
+  const VF share_next = hn::Sub(column, c);
   const VF along_column = hn::IfThenElseZero(known, share_next);
   const VF rest = hn::IfThenElseZero(known, hn::Sub(hn::Set(df, 1.0F), share_next));
   hn::StoreInterleaved4(hn::Mul(rest, u), rest, hn::Mul(along_column, u), along_column, df,
                         shares.knots);
-  hn::Store(hn::Sub(row, hn::ConvertTo(df, r)), df, shares.along);
-  hn::Store(hn::Add(hn::Mul(r, hn::Set(di, in.columns - 1)), c), di, shares.at);
+  hn::Store(hn::Sub(row, r), df, shares.along);
+  hn::Store(whole(hn::MulAdd(r, hn::Set(df, knots.column_gaps), c)), di, shares.at);
 }
 
 HWY_INLINE void add(const Shares& shares, std::size_t lane, float* table) {
@@ -95,8 +109,7 @@ JointSums sum_all(const JointSumsInput& in) {
       kPerCell * static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
   LargeVector<float> tables(kTables * table_size);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
-  const VF scale =
-      hn::Set(df, static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu()));
+  const Knots places(in);
   const VF background = hn::Set(df, constants.background);
   std::size_t inside = 0;
   Shares shares;
@@ -104,8 +117,8 @@ JointSums sum_all(const JointSumsInput& in) {
     const Cells cells = fetch<kMoved>(us, constants, s);
     const Sampled ct = interpolate(cells);
     inside += hn::CountTrue(df, cells.inside);
-    share(in, hn::IfThenElse(cells.inside, ct.value, background),
-          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)), scale,
+    share(places, hn::IfThenElse(cells.inside, ct.value, background),
+          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)),
           hn::LoadU(df, in.ultrasound + s), shares);
     for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
       add(shares, lane, tables.data() + (lane % kTables) * table_size);
