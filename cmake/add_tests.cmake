@@ -32,6 +32,26 @@ foreach(folder ${test_folders})
   endif()
 endforeach()
 
+# The ROS interface: test/ros/unit needs no master (one executable, test_ros); each NAME.test beside it
+# launches nodes, with its own test program NAME.cpp if there is one.
+if(NOT USCT_CORE_ONLY)
+  find_package(rostest REQUIRED)
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/unit/*.cpp)
+  usct_add_gtest(test_ros ${sources})
+  target_link_libraries(test_ros ${PROJECT_NAME}_ros)
+  file(GLOB launch_files CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/*.test)
+  foreach(launch_file ${launch_files})
+    get_filename_component(name ${launch_file} NAME_WE)
+    if(EXISTS ${PROJECT_SOURCE_DIR}/test/ros/${name}.cpp)
+      add_rostest_gtest(test_${name} ${launch_file} ${PROJECT_SOURCE_DIR}/test/ros/${name}.cpp)
+      target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
+      target_link_libraries(test_${name} ${PROJECT_NAME}_ros ${GTEST_LIBRARIES} usct_warnings)
+    else()
+      add_rostest(${launch_file})
+    endif()
+  endforeach()
+endif()
+
 # The package itself: what it promises to a stranger who builds it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(package_tests ${PROJECT_SOURCE_DIR}/test/package)

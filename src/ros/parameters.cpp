@@ -1,0 +1,113 @@
+#include "ros/parameters.h"
+
+#include <sstream>
+
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+std::string shown(const XmlRpcValue& value) {
+  std::ostringstream text;
+  XmlRpcValue copy = value;
+  copy.write(text);
+  return text.str();
+}
+
+template <typename T>
+void require_within(T value, T least, T most, const std::string& name) {
+  if (value >= least && value <= most) return;
+  std::ostringstream text;
+  text << "is " << value << ", must be in [" << least << ", " << most << "]";
+  throw InputError(name, text.str());
+}
+
+double as_number(const XmlRpcValue& value, const std::string& name) {
+  XmlRpcValue copy = value;
+  if (copy.getType() == XmlRpcValue::TypeInt) return static_cast<int>(copy);
+  if (copy.getType() == XmlRpcValue::TypeDouble) return static_cast<double>(copy);
+  throw InputError(name, "is " + shown(value) + ", must be a number");
+}
+
+}  // namespace
+
+Parameters::Parameters(const ::ros::NodeHandle& private_node) : node_(private_node) {}
+
+std::string Parameters::name(const std::string& key) const { return node_.resolveName(key); }
+
+bool Parameters::find(const std::string& key, XmlRpcValue& value) {
+  known_.insert(key);
+  return node_.getParam(key, value);
+}
+
+std::string Parameters::text(const std::string& key, const std::string& fallback) {
+  XmlRpcValue value;
+  if (!find(key, value)) return fallback;
+  if (value.getType() != XmlRpcValue::TypeString)
+    throw InputError(name(key), "is " + shown(value) + ", must be a text");
+  return static_cast<std::string>(value);
+}
+
+bool Parameters::flag(const std::string& key, bool fallback) {
+  XmlRpcValue value;
+  if (!find(key, value)) return fallback;
+  if (value.getType() != XmlRpcValue::TypeBoolean)
+    throw InputError(name(key), "is " + shown(value) + ", must be true or false");
+  return static_cast<bool>(value);
+}
+
+int Parameters::whole(const std::string& key, int fallback, int least, int most) {
+  XmlRpcValue value;
+  if (!find(key, value)) return fallback;
+  if (value.getType() != XmlRpcValue::TypeInt)
+    throw InputError(name(key), "is " + shown(value) + ", must be a whole number");
+  require_within(static_cast<int>(value), least, most, name(key));
+  return static_cast<int>(value);
+}
+
+double Parameters::number(const std::string& key, double fallback, double least, double most) {
+  XmlRpcValue value;
+  if (!find(key, value)) return fallback;
+  const double found = as_number(value, name(key));
+  require_within(found, least, most, name(key));
+  return found;
+}
+
+std::string Parameters::choice(const std::string& key, const std::string& fallback,
+                               const std::set<std::string>& choices) {
+  const std::string found = text(key, fallback);
+  if (choices.count(found) > 0) return found;
+  std::string all;
+  for (const std::string& choice : choices) all += (all.empty() ? "'" : ", '") + choice + "'";
+  throw InputError(name(key), "is '" + found + "', must be one of " + all);
+}
+
+std::vector<double> Parameters::numbers(const std::string& key, std::size_t count) {
+  XmlRpcValue value;
+  if (!find(key, value)) return {};
+  if (value.getType() != XmlRpcValue::TypeArray || static_cast<std::size_t>(value.size()) != count)
+    throw InputError(name(key), "is " + shown(value) + ", must be a list of " +
+                                    std::to_string(count) + " numbers");
+  std::vector<double> found;
+  for (int i = 0; i < value.size(); ++i)
+    found.push_back(as_number(value[i], name(key) + "[" + std::to_string(i) + "]"));
+  return found;
+}
+
+void Parameters::finish() const {
+  std::vector<std::string> names;
+  node_.getParamNames(names);
+  const std::string prefix = node_.getNamespace() + "/";
+  for (const std::string& full : names) {
+    if (full.compare(0, prefix.size(), prefix) != 0) continue;
+    const std::string key = full.substr(prefix.size());
+    if (known_.count(key) > 0) continue;
+    std::string all;
+    for (const std::string& known : known_) all += (all.empty() ? "" : ", ") + known;
+    throw InputError(full, "is not a parameter of this node; it has: " + all);
+  }
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <limits>
+#include <set>
+#include <string>
+
+namespace usct::ros_interface {
+
+/// The private parameters of a node, read once at start. A wrong type, a value out of range and a
+/// key that nobody asked for are InputErrors that name the key, the value and the constraint: a
+/// node with a misspelt parameter must not start with the default in its place.
+class Parameters {
+ public:
+  explicit Parameters(const ::ros::NodeHandle& private_node);
+
+  std::string text(const std::string& key, const std::string& fallback);
+  bool flag(const std::string& key, bool fallback);
+  int whole(const std::string& key, int fallback, int least,
+            int most = std::numeric_limits<int>::max());
+  /// Whole numbers count as well.
+  double number(const std::string& key, double fallback, double least,
+                double most = std::numeric_limits<double>::infinity());
+  /// One of `choices`.
+  std::string choice(const std::string& key, const std::string& fallback,
+                     const std::set<std::string>& choices);
+  /// Numbers of a list; empty if the key is not set. The count must be `count`.
+  std::vector<double> numbers(const std::string& key, std::size_t count);
+
+  /// Throws for every key below the node that was not asked for.
+  void finish() const;
+
+ private:
+  bool find(const std::string& key, XmlRpc::XmlRpcValue& value);
+  std::string name(const std::string& key) const;
+
+  ::ros::NodeHandle node_;
+  std::set<std::string> known_;
+};
+
+}  // namespace usct::ros_interface
