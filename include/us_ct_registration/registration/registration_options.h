@@ -66,10 +66,10 @@ struct ConfidenceOptions {
   SimilarityOptions confirmation;
   double max_scatter_mm = 0.6;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
-  /// independent), and what no image shows: mean square displacement of the field by sound speed,
-  /// deformation and the like, mm. Both by calibration (docs/accuracy.md).
-  double deviation_factor = 3.0;
-  double systematic_mm = 0.9;
+  /// independent, and err together), and what no image shows: shift of the field (root mean square)
+  /// by sound speed, deformation and the like, mm. Both by calibration (docs/accuracy.md).
+  double deviation_factor = 4.0;
+  double systematic_mm = 0.8;
 
   void validate(const std::string& source) const;
 };

@@ -162,7 +162,8 @@ std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Ca
   Matrix6d covariance = inverse * (fit.gradients.transpose() * fit.gradients) * inverse;
   accuracy.scatter_mm = std::sqrt(covariance.trace());
   covariance *= options.deviation_factor * options.deviation_factor;
-  covariance.diagonal().array() += options.systematic_mm * options.systematic_mm / 6.0;
+  // What no image shows moves the field as a whole.
+  covariance.diagonal().tail<3>().array() += options.systematic_mm * options.systematic_mm / 3.0;
   const Matrix6d motion = motion_of_parameters(pose);
   const Matrix6d moved = motion * covariance * motion.transpose();
   accuracy.covariance = 0.5 * (moved + moved.transpose());
