@@ -64,7 +64,7 @@ struct ConfidenceOptions {
   /// parts may pull the pose apart by this much, mm (root mean square displacement of the field of
   /// view): where the pose is right they agree, where it only looks right they do not.
   SimilarityOptions confirmation;
-  double max_scatter_mm = 0.6;
+  double max_scatter_mm = 0.4;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
   /// independent, and err together), and what no image shows: shift of the field (root mean square)
   /// by sound speed, deformation and the like, mm. Both by calibration (docs/accuracy.md).
