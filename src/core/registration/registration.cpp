@@ -242,11 +242,20 @@ class Registration {
             (best.value - optima_[i].value) / (best.value - background.mean);
         break;
       }
-    if (!level.confirmation) return;
-    std::vector<Candidate> there{best};
-    search_->evaluate(*level.confirmation, there);
-    result_.measures["confirmation"] =
-        poses_->of(*level.confirmation, best, *search_).significance(there.front().value);
+    measure_accuracy(best);
+  }
+
+  /// By the second similarity: it did not choose the pose.
+  void measure_accuracy(const Candidate& candidate) {
+    const Level& level = levels_[decisive()];
+    const std::optional<registration::PoseAccuracy> accuracy =
+        registration::pose_accuracy(level.confirmation ? *level.confirmation : *level.similarity,
+                                    candidate, options_.confidence, *search_);
+    if (!accuracy) return;
+    result_.covariance = accuracy->covariance;
+    result_.measures["scatter_mm"] = accuracy->scatter_mm;
+    result_.measures["expected_error_mm"] =
+        registration::expected_error_mm(accuracy->covariance, prepared_.points_us_mm);
   }
 
   void judge() {
@@ -254,13 +263,7 @@ class Registration {
     result_.similarity = optima_.front().value;
     result_.overlap = best_.overlap;
     result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
-    const registration::PoseAccuracy accuracy = registration::pose_accuracy(
-        *levels_.back().similarity, best_, options_.confidence, *search_);
-    if (accuracy.is_maximum) result_.measures["is_maximum"] = *accuracy.is_maximum ? 1.0 : 0.0;
-    result_.covariance = accuracy.covariance;
-    if (result_.covariance)
-      result_.measures["expected_error_mm"] =
-          registration::expected_error_mm(*result_.covariance, prepared_.points_us_mm);
+    measure_accuracy(best_);
     result_.candidates.push_back({best_.T_us_ct, optima_.front().value, best_.overlap});
     for (std::size_t i = 1; i < optima_.size(); ++i)
       result_.candidates.push_back({optima_[i].T_us_ct, optima_[i].value, optima_[i].overlap});
