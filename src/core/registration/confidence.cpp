@@ -94,7 +94,7 @@ Matrix6d motion_of_parameters(const PoseParameters& pose) {
   motion.topLeftCorner<3, 3>() = pose.rotation_scale();
   motion.bottomRightCorner<3, 3>().setIdentity();
   // p + w x (p - c) + t = p + w x p + (t + c x w).
-  const Eigen::Vector3d c = pose.centre_us_mm();
+  const Eigen::Vector3d& c = pose.centre_us_mm();
   Eigen::Matrix3d cross;
   cross << 0.0, -c.z(), c.y(), c.z(), 0.0, -c.x(), -c.y(), c.x(), 0.0;
   motion.bottomLeftCorner<3, 3>() = cross * pose.rotation_scale();
@@ -150,7 +150,7 @@ std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Ca
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-fit.hessian);
   // Directions in which the pose is at no maximum count as nearly flat.
   constexpr double kLeastCurvature = 0.03;
-  const PoseVector curvature = eigen.eigenvalues();
+  const PoseVector& curvature = eigen.eigenvalues();
   const double least = kLeastCurvature * curvature.cwiseAbs().maxCoeff();
   if (!(least > 0.0)) return std::nullopt;
   const Matrix6d inverse = eigen.eigenvectors() *
