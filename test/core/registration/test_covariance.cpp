@@ -39,8 +39,9 @@ PoseAccuracy at_pose(const RegistrationCase& images, const Isometry3d& T_us_ct,
   const registration::PreparedUltrasound us = registration::prepare_ultrasound(images.us, options);
   const registration::CtInReach reach =
       registration::ct_in_reach(images.ct, us.us.beams, T_us_ct, options);
-  const registration::Level level = registration::make_level(
-      options.stages[1], us, reach, registration::ct_levels(reach, options)[1], true, options);
+  const registration::Level level =
+      registration::make_level(options.stages[1], us, reach,
+                               registration::ct_level(reach, options.stages[1]), true, options);
   const RegistrationHooks hooks;
   const registration::Search search(us.points_us_mm, options, hooks);
   const std::optional<PoseAccuracy> accuracy =
