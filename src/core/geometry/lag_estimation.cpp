@@ -244,8 +244,8 @@ std::string text(const char* format, double value) {
 /// Why the estimate is not to be relied upon; empty if it is.
 std::string doubt(const LagEstimate& estimate, bool inside) {
   if (!(estimate.significance >= kLeastSignificance))
-    return text("image change and probe speed correlate by only %.2f", estimate.correlation) +
-           text(" (%.1f standard deviations above chance, must be >= 3)", estimate.significance);
+    return text("image change and probe speed correlate by %.2f", estimate.correlation) +
+           text(", %.1f standard deviations above chance, must be >= 3", estimate.significance);
   if (!inside)
     return text("the correlation still rises at the largest shift, %.2f s", estimate.lag_s);
   const double width = estimate.interval_s.second - estimate.interval_s.first;
