@@ -252,7 +252,7 @@ std::vector<EndedSweep> SweepAssembler::add(const StreamedFrame& streamed, const
     if (anew) ended_.pop_back();
   }
   if (!sweep_) {
-    sweep_.emplace();
+    sweep_ = Sweep();
     sweep_->first = streamed.frame;
   }
   const std::string refusal = refusal_of(frame);
