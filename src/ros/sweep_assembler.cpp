@@ -156,6 +156,7 @@ Kept keep_tracked(const Frames& all, double lag_s, const std::string& source) {
       kept.poses.push_back(*poses[i]);
     }
   }
+  if (kept.frames.empty()) throw InputError(source, "no image changes while a pose is known");
   return kept;
 }
 
