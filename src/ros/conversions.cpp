@@ -200,6 +200,8 @@ void validate(const msg::PreScanFrame& message, const std::string& source) {
   }
 }
 
+std::uint32_t data_checksum(const std::vector<std::uint8_t>& data) { return checksum(data); }
+
 msg::PreScanVolume to_message(const PreScanVolume& volume, const std_msgs::Header& header) {
   volume.validate("pre-scan volume");
   msg::PreScanVolume message;

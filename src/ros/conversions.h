@@ -10,7 +10,9 @@
 #include <us_ct_registration/RegistrationResult.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 #include "us_ct_registration/registration/registration_result.h"
@@ -46,6 +48,9 @@ AxialSampling axial_from_message(const us_ct_registration::ProbeGeometry& messag
 
 /// Throws InputError unless a frame's sizes, data and numbers agree.
 void validate(const us_ct_registration::PreScanFrame& message, const std::string& source);
+
+/// `crc32` of a volume's `data`.
+std::uint32_t data_checksum(const std::vector<std::uint8_t>& data);
 
 us_ct_registration::PreScanVolume to_message(const PreScanVolume& volume,
                                              const std_msgs::Header& header);

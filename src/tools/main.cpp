@@ -18,6 +18,7 @@ int parse_and_run(int argc, char** argv) {
   add_convert_command(app, run);
   add_slices_command(app, run);
   add_calibrate_motor_command(app, run);
+  add_lag_command(app, run);
   add_phantom_command(app, run);
   add_simulate_command(app, run);
   add_register_command(app, run);

@@ -24,11 +24,14 @@ struct TrackedImages {
   /// width x height, columns fastest: 0 where the image shows no ultrasound (text, scales, beyond
   /// the fan). Empty if all of it does.
   std::vector<std::uint8_t> shown;
+  /// Acquisition time per image in seconds; empty if unknown, else one per image.
+  std::vector<double> times_s;
 
   int count() const { return static_cast<int>(T_us_pixel.size()); }
 
-  /// Throws InputError, naming `source`, unless the sizes agree, there is at least one image, and
-  /// each transform is finite with the first two columns independent.
+  /// Throws InputError, naming `source`, unless the sizes agree, there is at least one image, each
+  /// transform is finite with the first two columns independent, and times are finite and do not
+  /// fall.
   void validate(const std::string& source) const;
 };
 

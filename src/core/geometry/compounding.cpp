@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "geometry/frame_times.h"
 #include "geometry/lattice.h"
 #include "parallel.h"
 #include "us_ct_registration/error.h"
@@ -425,6 +426,7 @@ void TrackedImages::validate(const std::string& source) const {
       throw InputError(source, "'T_us_pixel' of image " + std::to_string(i) +
                                    " must be finite, with columns and rows that span a plane");
   }
+  require_frame_times(times_s, T_us_pixel.size(), source, "times_s");
 }
 
 std::vector<std::uint8_t> shown_rectangle(int width, int height, int first_column, int first_row,

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "geometry/frame_times.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {
@@ -87,16 +88,7 @@ void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
       throw InputError(source, "'frame_poses_mm' of frame " + std::to_string(i) +
                                    " is not a rotation and a finite translation");
   }
-  const std::vector<double>& times = sweep.frame_times_s;
-  if (times.empty()) return;
-  if (times.size() != sweep.T_us_frame.size())
-    throw InputError(source, "'frame_times_s' has " + std::to_string(times.size()) +
-                                 " entries for " + std::to_string(sweep.T_us_frame.size()) +
-                                 " frames, must have one per frame");
-  for (std::size_t i = 0; i < times.size(); ++i)
-    if (!std::isfinite(times[i]) || (i > 0 && times[i] < times[i - 1]))
-      throw InputError(source, "'frame_times_s' entry " + std::to_string(i) + " is " +
-                                   std::to_string(times[i]) + ", must be finite and not falling");
+  require_frame_times(sweep.frame_times_s, sweep.T_us_frame.size(), source, "frame_times_s");
 }
 
 /// Travel of the motor at a line, relative to the middle of its frame.
@@ -111,6 +103,19 @@ const CurvilinearArray& require_curvilinear(const ScanGeometry& geometry) {
 }
 
 }  // namespace
+
+void require_frame_times(const std::vector<double>& times_s, std::size_t frames,
+                         const std::string& source, const std::string& field) {
+  if (times_s.empty()) return;
+  if (times_s.size() != frames)
+    throw InputError(source, "'" + field + "' has " + std::to_string(times_s.size()) +
+                                 " entries for " + std::to_string(frames) +
+                                 " frames, must have one per frame");
+  for (std::size_t i = 0; i < times_s.size(); ++i)
+    if (!std::isfinite(times_s[i]) || (i > 0 && times_s[i] < times_s[i - 1]))
+      throw InputError(source, "'" + field + "' entry " + std::to_string(i) + " is " +
+                                   std::to_string(times_s[i]) + ", must be finite and not falling");
+}
 
 const std::vector<double>& line_table(const Array& array) {
   if (const auto* linear = std::get_if<LinearArray>(&array)) return linear->line_positions_mm;

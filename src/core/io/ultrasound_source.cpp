@@ -105,6 +105,7 @@ TrackedImages tracked_images(const IgsioSequence& sequence, const ValidFrames& v
                              const std::string& source) {
   TrackedImages images;
   images.T_us_pixel = valid.T_us_from;
+  images.times_s = valid.times_s;
   for (const int frame : valid.frames) {
     const OrientedImage image = oriented_frame(sequence, frame, "MF", source);
     images.width = image.width;

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace usct {
+
+/// Throws InputError, naming `source` and `field`, unless the times are none, or one per frame,
+/// finite and not falling.
+void require_frame_times(const std::vector<double>& times_s, std::size_t frames,
+                         const std::string& source, const std::string& field);
+
+}  // namespace usct

@@ -1,0 +1,93 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "core/io/temporary_folder.h"
+#include "ros/conversions.h"
+#include "ros/ultrasound_file.h"
+#include "ros/watched_folder.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/prescan_nrrd.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+void write(const fs::path& path, const std::string& text) {
+  std::ofstream(path, std::ios::app) << text;
+}
+
+TEST(WatchedFolder, TakesAFileOnceWhenItHasStoppedGrowing) {
+  const test::TemporaryFolder folder;
+  WatchedFolder watched(folder.path(), "", 1.0, false, 0.0);
+  write(folder.path() / "a", "1");
+  EXPECT_THAT(watched.take(1.0), IsEmpty());
+  write(folder.path() / "a", "2");
+  EXPECT_THAT(watched.take(2.0), IsEmpty());  // it has grown
+  EXPECT_THAT(watched.take(2.9), IsEmpty());
+  EXPECT_THAT(watched.take(3.0), ElementsAre(folder.path() / "a"));
+  EXPECT_THAT(watched.take(9.0), IsEmpty());
+  write(folder.path() / "a", "3");
+  EXPECT_THAT(watched.take(10.0), IsEmpty());
+  EXPECT_THAT(watched.take(11.0), ElementsAre(folder.path() / "a"));
+}
+
+TEST(WatchedFolder, LeavesOldHiddenAndOtherFilesAlone) {
+  const test::TemporaryFolder folder;
+  write(folder.path() / "old.nrrd", "1");
+  WatchedFolder watched(folder.path(), ".nrrd", 0.0, false, 0.0);
+  WatchedFolder greedy(folder.path(), ".nrrd", 0.0, true, 0.0);
+  write(folder.path() / ".tmp-new.nrrd", "1");
+  write(folder.path() / "new.txt", "1");
+  write(folder.path() / "new.nrrd", "1");
+  fs::create_directory(folder.path() / "folder.nrrd");
+  EXPECT_THAT(watched.take(1.0), ElementsAre(folder.path() / "new.nrrd"));
+  EXPECT_THAT(greedy.take(1.0),
+              ElementsAre(folder.path() / "old.nrrd", folder.path() / "new.nrrd"));
+}
+
+TEST(WatchedFolder, SaysThatTheFolderCannotBeRead) {
+  EXPECT_THROW(WatchedFolder("/no/such/folder", "", 1.0, false, 0.0), InputError);
+}
+
+TEST(TimeFromUtc, CountsFromTheEpoch) {
+  EXPECT_EQ(time_from_utc("1970-01-01T00:00:00Z", "file"), ::ros::Time(0, 0));
+  EXPECT_EQ(time_from_utc("2024-05-17T09:30:00.25Z", "file"), ::ros::Time(1715938200, 250000000));
+  EXPECT_THROW(time_from_utc("1969-12-31T23:59:59Z", "file"), InputError);
+  EXPECT_THROW(time_from_utc("2024-05-17", "file"), InputError);
+}
+
+TEST(ReadVolumeMessage, StampsWithTheAcquisitionOrRefuses) {
+  const test::TemporaryFolder folder;
+  PreScanVolume volume;
+  volume.geometry = {
+      {2, 1.0, 0.5}, CurvilinearArray{40.0, {-0.1, 0.1}}, MotorSweep{27.0, {0.0, 0.1}, 0.0}};
+  volume.voxels = {1, 2, 3, 4, 5, 6, 7, 8};
+  volume.acquisition_time = "2024-05-17T09:30:00Z";
+  UltrasoundSource source;
+  source.path = folder.path() / "us.nrrd";
+  write_prescan_nrrd(volume, source.path);
+  std::vector<std::string> warnings;
+  const auto found =
+      read_volume_message(source, "probe", FileStamp::kAcquisition, ::ros::Time(7.0), warnings);
+  EXPECT_EQ(found->header.stamp, ::ros::Time(1715938200, 0));
+  EXPECT_EQ(found->header.frame_id, "probe");
+  EXPECT_EQ(from_message(*found, "message").voxels, volume.voxels);
+
+  volume.acquisition_time.clear();
+  write_prescan_nrrd(volume, source.path);
+  EXPECT_THROW(
+      read_volume_message(source, "probe", FileStamp::kAcquisition, ::ros::Time(7.0), warnings),
+      InputError);
+  EXPECT_EQ(read_volume_message(source, "probe", FileStamp::kReading, ::ros::Time(7.0), warnings)
+                ->header.stamp,
+            ::ros::Time(7.0));
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
