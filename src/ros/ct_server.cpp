@@ -1,0 +1,259 @@
+#include "ros/ct_server.h"
+
+#include <algorithm>
+#include <boost/make_shared.hpp>
+#include <cmath>
+#include <utility>
+
+#include "ros/conversions.h"
+#include "ros/ct_surface.h"
+#include "ros/parameters.h"
+#include "ros/status.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/volume_io.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace fs = std::filesystem;
+namespace msg = us_ct_registration;
+using Code = msg::StatusCode;
+
+/// Of the label map's voxels from those of the CT, in voxels; NIfTI holds positions in single
+/// precision.
+constexpr double kGridTolerance = 0.02;
+
+/// The index of a grid's voxel on another grid, if it is one of its voxels.
+std::optional<Eigen::Vector3i> voxel_of(const Grid& grid, const Eigen::Vector3d& p_mm) {
+  const Eigen::Vector3d index = grid.index_from_physical(p_mm);
+  const Eigen::Vector3d nearest = index.array().round();
+  if ((index - nearest).cwiseAbs().maxCoeff() > kGridTolerance) return std::nullopt;
+  if ((nearest.array() < 0).any() || (nearest.array() >= grid.size.array().cast<double>()).any())
+    return std::nullopt;
+  return nearest.cast<int>();
+}
+
+/// Each voxel of `part` is one of `grid`, whatever the order of the axes.
+bool is_part_of(const Grid& part, const Grid& grid) {
+  const auto first = voxel_of(grid, part.origin_mm);
+  if (!first) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int steps = part.size[axis] - 1;
+    const auto last = voxel_of(grid, part.physical_from_index(steps * Eigen::Vector3d::Unit(axis)));
+    if (!last || (*last - *first).cwiseAbs().sum() != steps ||
+        (*last - *first).cwiseAbs().maxCoeff() != steps)
+      return false;
+  }
+  return true;
+}
+
+/// What the core says of a file, as it may be told.
+InputError retold(const std::exception& error, const fs::path& path, const std::string& given) {
+  const std::string text = without_names(error.what(), path, given);
+  const std::string source = given + ": ";
+  return {given, text.rfind(source, 0) == 0 ? text.substr(source.size()) : text};
+}
+
+std::string size_text(const Eigen::Vector3i& size) {
+  return std::to_string(size.x()) + " x " + std::to_string(size.y()) + " x " +
+         std::to_string(size.z());
+}
+
+}  // namespace
+
+CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
+    : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
+  Parameters parameters(private_node);
+  const std::string path = parameters.text("path", "");
+  const std::string labels = parameters.text("labels", "");
+  const std::string data_root = parameters.text("data_root", "");
+  ct_frame_ = parameters.text("ct_frame", "ct");
+  dicom_options_.resample_irregular = parameters.flag("resample_irregular", false);
+  label_names_ =
+      label_names_from(parameters.text("label_names", ""), private_node.resolveName("label_names"));
+  surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
+  surface_triangles_ =
+      static_cast<std::size_t>(parameters.whole("surface_triangles", 50000, 1000, 2000000));
+  parameters.finish();
+  if (ct_frame_.empty() || ct_frame_.front() == '/')
+    throw InputError(private_node.resolveName("ct_frame"),
+                     "is '" + ct_frame_ + "', must be a frame without leading /");
+  if (path.empty() && !labels.empty())
+    throw InputError(private_node.resolveName("labels"), "is set, but 'path' is not");
+  if (!data_root.empty()) data_root_.emplace(data_root, private_node.resolveName("data_root"));
+
+  info_publisher_ = node_.advertise<msg::CtInfo>("ct/info", 1, true);
+  volume_publisher_ = node_.advertise<msg::CtVolume>("ct/volume", 1, true);
+  surface_publisher_ = node_.advertise<visualization_msgs::MarkerArray>("ct/surface", 1, true);
+  points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/surface_points", 1, true);
+  load_server_ = node_.advertiseService("ct/load", &CtServer::on_load, this);
+  get_server_ = node_.advertiseService("ct/get_volume", &CtServer::on_get, this);
+  diagnostics_.setHardwareID("none");
+  diagnostics_.add("CT", this, &CtServer::diagnose);
+  diagnostics_timer_ =
+      node_.createWallTimer(::ros::WallDuration(1.0),
+                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  // Not here: a nodelet's manager would stand still for seconds.
+  if (!path.empty())
+    first_load_timer_ = node_.createWallTimer(
+        ::ros::WallDuration(0.001),
+        [this, path, labels](const ::ros::WallTimerEvent&) { load(path, labels); }, true);
+}
+
+fs::path CtServer::resolve(const std::string& given, const std::string& field) const {
+  if (data_root_) return data_root_->resolve(given, field);
+  // Then only parameters say what is read.
+  fs::path path(given);
+  if (!path.is_absolute())
+    throw InputError(given, "parameter '" + field + "' must be a whole path without data_root");
+  return path;
+}
+
+LabelVolume CtServer::read_labels(const std::string& labels, const Grid& ct_grid) const {
+  const fs::path path = resolve(labels, "labels");
+  LabelVolume volume;
+  try {
+    volume = read_volume<std::uint16_t>(path);
+  } catch (const std::exception& error) {
+    throw retold(error, path, labels);
+  }
+  if (!is_part_of(volume.grid, ct_grid))
+    throw InputError(labels, "its voxels (" + size_text(volume.grid.size) +
+                                 ") are not those of the CT (" + size_text(ct_grid.size) +
+                                 ") or part of them");
+  return volume;
+}
+
+CtServer::Loaded CtServer::read(const std::string& path, const std::string& labels) const {
+  const fs::path ct_path = resolve(path, "path");
+  Loaded loaded;
+  try {
+    loaded.ct = read_ct(ct_path, dicom_options_);
+  } catch (const std::exception& error) {
+    throw retold(error, ct_path, path);
+  }
+  for (std::string& warning : loaded.ct.warnings) warning = without_names(warning, ct_path, path);
+  loaded.has_labels = !labels.empty();
+  if (loaded.has_labels) {
+    loaded.surfaces =
+        label_surfaces(read_labels(labels, loaded.ct.volume.grid), surface_triangles_);
+  } else if (Surface surface = iso_surface(loaded.ct.volume, surface_hu_, surface_triangles_);
+             !surface.triangles.empty()) {
+    loaded.surfaces[0] = std::move(surface);
+  }
+  return loaded;
+}
+
+msg::StatusCode CtServer::load(const std::string& path, const std::string& labels) {
+  const std::unique_lock<std::mutex> loading(loading_, std::try_to_lock);
+  if (!loading) return status(Code::BUSY, "another CT is being loaded");
+  msg::StatusCode answer;
+  try {
+    const Loaded loaded = read(path, labels);
+    for (const std::string& warning : loaded.ct.warnings) ROS_WARN("%s", warning.c_str());
+    hold(loaded);
+    answer = status(Code::OK, loaded.ct.format + ", " + size_text(loaded.ct.volume.grid.size) +
+                                  " voxels, revision " + std::to_string(info_.revision));
+    ROS_INFO("CT loaded: %s", answer.message.c_str());
+    return answer;
+  } catch (const PathRefused& error) {
+    answer = status(Code::PATH_REFUSED, error.what());
+  } catch (const InputError& error) {
+    answer = status(Code::FILE_ERROR, error.what());
+  } catch (const std::exception& error) {
+    answer = status(Code::FAILED, error.what());
+  }
+  ROS_ERROR("CT not loaded: %s", answer.message.c_str());
+  const std::lock_guard<std::mutex> lock(mutex_);
+  last_error_ = answer.message;
+  return answer;
+}
+
+std::uint32_t CtServer::next_revision() {
+  // One a second, and none in the second of the start: a node before may have used that.
+  const double left_s = (::ros::WallTime(last_revision_ + 1, 0) - ::ros::WallTime::now()).toSec();
+  ::ros::WallDuration(std::clamp(left_s, 0.0, 1.0)).sleep();
+  // The clock may have been set back.
+  last_revision_ = std::max(last_revision_ + 1, ::ros::WallTime::now().sec);
+  return last_revision_;
+}
+
+void CtServer::hold(const Loaded& loaded) {
+  const std::uint32_t revision = next_revision();
+  std_msgs::Header header;
+  header.stamp = ::ros::Time::now();
+  header.frame_id = ct_frame_;
+  const auto volume =
+      boost::make_shared<const msg::CtVolume>(to_message(loaded.ct.volume, header, revision));
+  msg::CtInfo info;
+  info.header = header;
+  info.revision = revision;
+  info.crc32 = volume->crc32;
+  info.size = volume->size;
+  info.spacing = volume->spacing;
+  const auto [lowest, highest] = std::minmax_element(volume->data.begin(), volume->data.end());
+  info.lowest = *lowest;
+  info.highest = *highest;
+  info.format = loaded.ct.format;
+  if (loaded.has_labels)
+    for (const auto& [label, surface] : loaded.surfaces)
+      info.labels.push_back(label_text(label, label_names_));
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    volume_ = volume;
+    info_ = info;
+    last_error_.clear();
+  }
+  // The summary first: who accepts registrations then knows the CT before any result of it.
+  info_publisher_.publish(info);
+  volume_publisher_.publish(volume);
+  std::map<int, std::string> names = label_names_;
+  if (!loaded.has_labels) names = {{0, "surface"}};
+  surface_publisher_.publish(to_markers(loaded.surfaces, names, ct_frame_));
+  points_publisher_.publish(to_points(loaded.surfaces, ct_frame_));
+}
+
+bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {
+  response.status = data_root_ ? load(request.path, request.labels)
+                               : status(Code::PATH_REFUSED, "parameter data_root is not set");
+  const std::lock_guard<std::mutex> lock(mutex_);
+  response.revision = info_.revision;
+  return true;
+}
+
+bool CtServer::on_get(msg::GetCt::Request&, msg::GetCt::Response& response) {
+  msg::CtVolumeConstPtr volume;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    volume = volume_;
+  }
+  if (volume == nullptr) {
+    response.status = status(Code::NO_CT, "none was loaded");
+    return true;
+  }
+  response.status = status(Code::OK, "revision " + std::to_string(volume->revision));
+  response.volume = *volume;
+  return true;
+}
+
+void CtServer::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const bool has_ct = volume_ != nullptr;
+  if (!last_error_.empty())
+    diagnosis.summary(DiagnosticStatus::ERROR, last_error_);
+  else
+    diagnosis.summary(has_ct ? DiagnosticStatus::OK : DiagnosticStatus::WARN,
+                      has_ct ? "CT is held" : "no CT is held");
+  diagnosis.add("revision", info_.revision);
+  if (has_ct) {
+    diagnosis.add("format", info_.format);
+    diagnosis.add("voxels", std::to_string(info_.size[0]) + " x " + std::to_string(info_.size[1]) +
+                                " x " + std::to_string(info_.size[2]));
+    diagnosis.add("labels", info_.labels.size());
+    diagnosis.add("loaded since (s)", (::ros::Time::now() - info_.header.stamp).toSec());
+  }
+  diagnosis.add("last error", last_error_);
+}
+
+}  // namespace usct::ros_interface

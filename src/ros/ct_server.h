@@ -1,0 +1,75 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/ros.h>
+#include <us_ct_registration/CtInfo.h>
+#include <us_ct_registration/CtVolume.h>
+#include <us_ct_registration/GetCt.h>
+#include <us_ct_registration/LoadCt.h>
+#include <us_ct_registration/StatusCode.h>
+
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "ros/data_root.h"
+#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/rendering/surface.h"
+
+namespace usct::ros_interface {
+
+/// Holds the CT and publishes it, its surfaces and a summary; docs/nodes/ct_server.md.
+class CtServer {
+ public:
+  CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
+
+ private:
+  /// What was read, before anything of it is published.
+  struct Loaded {
+    LoadedCt ct;
+    std::map<int, Surface> surfaces;
+    bool has_labels = false;
+  };
+
+  bool on_load(us_ct_registration::LoadCt::Request& request,
+               us_ct_registration::LoadCt::Response& response);
+  bool on_get(us_ct_registration::GetCt::Request& request,
+              us_ct_registration::GetCt::Response& response);
+  /// Replaces what is held, or leaves it and says why.
+  us_ct_registration::StatusCode load(const std::string& path, const std::string& labels);
+  Loaded read(const std::string& path, const std::string& labels) const;
+  LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
+  std::filesystem::path resolve(const std::string& given, const std::string& field) const;
+  /// Seconds since 1970: it rises over restarts without being kept anywhere.
+  std::uint32_t next_revision();
+  void hold(const Loaded& loaded);
+  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
+
+  ::ros::NodeHandle node_;
+  std::string ct_frame_;
+  std::optional<DataRoot> data_root_;
+  DicomReadOptions dicom_options_;
+  std::map<int, std::string> label_names_;
+  double surface_hu_ = 0.0;
+  std::size_t surface_triangles_ = 0;
+
+  std::mutex loading_;  // held while files are read
+  std::uint32_t last_revision_ = ::ros::WallTime::now().sec;
+  std::mutex mutex_;  // holds for the three below, for moments only
+  us_ct_registration::CtVolumeConstPtr volume_;
+  us_ct_registration::CtInfo info_;
+  std::string last_error_;
+
+  ::ros::Publisher volume_publisher_;
+  ::ros::Publisher info_publisher_;
+  ::ros::Publisher surface_publisher_;
+  ::ros::Publisher points_publisher_;
+  ::ros::ServiceServer load_server_;
+  ::ros::ServiceServer get_server_;
+  diagnostic_updater::Updater diagnostics_;
+  ::ros::WallTimer diagnostics_timer_;
+  ::ros::WallTimer first_load_timer_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,72 @@
+"""Starts and ends the nodes that a test of this folder looks at, and waits for what they do."""
+import signal
+import subprocess
+import time
+
+import roslib.packages
+import rospy
+
+PACKAGE = "us_ct_registration"
+LIMIT_S = 60.0
+
+
+def wait_for(condition, what):
+    """The first true value of condition(); fails after LIMIT_S."""
+    end = time.monotonic() + LIMIT_S
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"waited {LIMIT_S:.0f} s for {what}")
+
+
+class Process:
+    """A node or nodelet `kind` in the namespace `namespace`, with private parameters."""
+
+    def __init__(self, kind, namespace, log, as_nodelet=False, **parameters):
+        if as_nodelet:
+            command = [roslib.packages.find_node("nodelet", "nodelet")[0], "standalone", f"{PACKAGE}/{kind}"]
+        else:
+            command = [roslib.packages.find_node(PACKAGE, kind)[0]]
+        command += [f"__ns:={namespace}", f"__name:={kind}"]
+        node = f"{namespace}/{kind}"
+        if rospy.has_param(node):
+            rospy.delete_param(node)
+        for key, value in parameters.items():
+            rospy.set_param(f"{node}/{key}", value)
+        self._log_path = log
+        with open(log, "ab") as stream:
+            self._process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT)
+
+    def kill(self):
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGKILL)
+        self._process.wait(LIMIT_S)
+
+    def exit_status(self):
+        return self._process.wait(LIMIT_S)
+
+    def log(self):
+        with open(self._log_path, errors="replace") as stream:
+            return stream.read()
+
+
+class Newest:
+    """The newest message of a topic."""
+
+    def __init__(self, topic, kind):
+        self.message = None
+        self._subscriber = rospy.Subscriber(topic, kind, self._take)
+
+    def _take(self, message):
+        self.message = message
+
+    def wait(self, condition, what):
+        return wait_for(lambda: self.message if self.message and condition(self.message) else None,
+                        f"{what}, the newest being:\n{self.message}")
+
+
+def call(name, kind, *arguments):
+    rospy.wait_for_service(name, LIMIT_S)
+    return rospy.ServiceProxy(name, kind)(*arguments)

@@ -1,0 +1,324 @@
+#!/usr/bin/env python3
+"""tf_publisher from outside: what tf says after results, decisions, deaths and restarts."""
+import os
+import sys
+import tempfile
+import unittest
+
+import rospy
+import rostest
+import tf2_msgs.msg
+import tf2_ros
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from rosgraph_msgs.msg import Clock
+from us_ct_registration.msg import Alignment, CtInfo, RegistrationResult, StatusCode
+from us_ct_registration.srv import Decide
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from node_under_test import Newest, Process, call, wait_for
+
+TOLERANCE_S = 0.2
+CT_CRC32 = 1234567
+OTHER_CT_CRC32 = 7654321
+
+
+class TfPublisher(unittest.TestCase):
+    def setUp(self):
+        self.namespace = "/" + self.id().split(".")[-1]
+        # tf is one for all namespaces: each test has frames of its own.
+        self.fixed = self.namespace[1:] + "_base"
+        self.ct = self.namespace[1:] + "_ct"
+        self.folder = tempfile.TemporaryDirectory()
+        self.file = os.path.join(self.folder.name, "alignment.json")
+        self.buffer = tf2_ros.Buffer()
+        self.listener = tf2_ros.TransformListener(self.buffer)
+        self.results = rospy.Publisher(self.namespace + "/registration/result", RegistrationResult,
+                                       queue_size=10, latch=True)
+        self.info = rospy.Publisher(self.namespace + "/ct/info", CtInfo, queue_size=1, latch=True)
+        self.alignment = Newest(self.namespace + "/registration/alignment", Alignment)
+        self.processes = []
+
+    def tearDown(self):
+        for process in self.processes:
+            process.kill()
+        rospy.set_param("/use_sim_time", False)
+        self.folder.cleanup()
+
+    def start(self, **parameters):
+        self.alignment.message = None
+        parameters.setdefault("transform_tolerance", TOLERANCE_S)
+        process = Process("tf_publisher", self.namespace, self.folder.name + "/log", **parameters)
+        self.processes.append(process)
+        return process
+
+    def result(self, number, x, code=StatusCode.REGISTERED, fixed_frame=None):
+        message = RegistrationResult()
+        message.header.stamp = rospy.Time(1000 + number)
+        message.id = number
+        message.status.code = code
+        message.ct_frame = self.ct
+        message.ct_crc32 = CT_CRC32
+        if code == StatusCode.REGISTERED:
+            message.fixed_frame = fixed_frame or self.fixed
+            message.fixed_transform.translation.x = x
+            message.fixed_transform.rotation.z = 0.6
+            message.fixed_transform.rotation.w = 0.8
+        self.results.publish(message)
+
+    def hold_ct(self, crc32):
+        self.info.publish(CtInfo(crc32=crc32))
+
+    def decide(self, verb, number=0):
+        return call(f"{self.namespace}/registration/{verb}", Decide, number).status
+
+    def wait_state(self, state, result_id=None):
+        return self.alignment.wait(
+            lambda m: m.state == state and result_id in (None, m.result_id), f"state {state}")
+
+    def wait_waiting(self, number):
+        return self.alignment.wait(lambda m: m.waiting_id == number, f"result {number} to wait")
+
+    def tf_at(self, time):
+        try:
+            return self.buffer.lookup_transform(self.fixed, self.ct, time).transform
+        except tf2_ros.TransformException:
+            return None
+
+    def wait_tf(self, x):
+        def found():
+            transform = self.tf_at(rospy.Time.now())
+            return transform and abs(transform.translation.x - x) < 1e-12
+        wait_for(found, f"tf to say {x}")
+        rotation = self.tf_at(rospy.Time(0)).rotation
+        self.assertEqual((rotation.x, rotation.y, rotation.z, rotation.w), (0.0, 0.0, 0.6, 0.8))
+
+    def diagnosis(self, condition, what):
+        def matching(message):
+            return [s for s in message.status if s.name.startswith(self.namespace[1:])
+                    and condition(s)]
+        newest = Newest("/diagnostics", DiagnosticArray)
+        return matching(newest.wait(matching, what))[0]
+
+    def check_confirm(self, **parameters):
+        self.start(policy="confirm", **parameters)
+        self.result(1, 0.25)
+        message = self.wait_waiting(1)
+        self.assertEqual(message.state, Alignment.NONE)
+        self.assertIsNone(self.tf_at(rospy.Time(0)))
+
+        answer = self.decide("accept", 7)
+        self.assertEqual(answer.code, StatusCode.INVALID_REQUEST)
+        self.assertIn("result 7", answer.message)
+        self.assertIn("result 1 waits", answer.message)
+        self.assertIsNone(self.tf_at(rospy.Time(0)))
+
+        self.assertEqual(self.decide("accept", 1).code, StatusCode.OK)
+        message = self.wait_state(Alignment.ACCEPTED, 1)
+        self.assertEqual((message.header.frame_id, message.ct_frame), (self.fixed, self.ct))
+        self.assertEqual(message.header.stamp, rospy.Time(1001))
+        self.assertEqual((message.waiting_id, message.ct_crc32), (0, CT_CRC32))
+        self.wait_tf(0.25)
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+
+    def test_confirm(self):
+        self.check_confirm()
+
+    def test_confirm_as_nodelet(self):
+        self.check_confirm(as_nodelet=True)
+
+    def test_what_is_refused_or_rejected_leaves_tf_as_it_is(self):
+        self.start(policy="confirm", fixed_frame=self.fixed)
+        self.result(1, 0.25)
+        self.wait_waiting(1)
+        self.assertEqual(self.decide("accept").code, StatusCode.OK)
+        self.wait_tf(0.25)
+        for number, code in enumerate((StatusCode.LOW_CONFIDENCE, StatusCode.NO_OVERLAP,
+                                       StatusCode.FAILED, StatusCode.CANCELLED), 2):
+            self.result(number, 9.0, code)
+        self.result(6, 9.0, fixed_frame=self.namespace[1:] + "_elsewhere")
+        self.diagnosis(lambda s: any("_elsewhere" in v.value for v in s.values),
+                       "the refusal of another fixed frame")
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+        self.result(7, 9.0)
+        message = self.wait_waiting(7)
+        self.assertEqual(message.result_id, 1)
+
+        answer = self.decide("reject", 6)
+        self.assertEqual(answer.code, StatusCode.INVALID_REQUEST)
+        self.assertIn("result 6", answer.message)
+        self.assertIn("result 7 waits", answer.message)
+        self.assertEqual(self.decide("reject", 7).code, StatusCode.OK)
+        self.assertEqual(self.decide("reject").code, StatusCode.NOTHING_TO_DECIDE)
+        self.alignment.wait(lambda m: m.waiting_id == 0 and m.result_id == 1, "none to wait")
+        self.wait_tf(0.25)
+
+    def test_auto_and_revert(self):
+        self.start(policy="auto")
+        self.result(1, 0.25)
+        self.wait_state(Alignment.ACCEPTED, 1)
+        self.result(2, 0.5)
+        self.wait_state(Alignment.ACCEPTED, 2)
+        self.wait_tf(0.5)
+        answer = self.decide("revert")
+        self.assertEqual(answer.code, StatusCode.OK)
+        self.assertIn("result 1", answer.message)
+        self.wait_state(Alignment.ACCEPTED, 1)
+        self.wait_tf(0.25)
+        self.assertEqual(self.decide("revert").code, StatusCode.OK)
+        self.wait_state(Alignment.NONE)
+        wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
+        self.assertEqual(self.decide("revert").code, StatusCode.NOTHING_TO_DECIDE)
+
+    def test_lookups_fail_within_the_tolerance_after_death(self):
+        process = self.start(policy="auto")
+        self.result(1, 0.25)
+        self.wait_tf(0.25)
+        process.kill()
+        last = rospy.Time.now() + rospy.Duration(TOLERANCE_S)
+        self.assertLessEqual(self.buffer.get_latest_common_time(self.fixed, self.ct), last)
+        wait_for(lambda: rospy.Time.now() > last, "the tolerance to pass")
+        with self.assertRaises(tf2_ros.ExtrapolationException):
+            self.buffer.lookup_transform(self.fixed, self.ct, rospy.Time.now())
+
+    def test_restart(self):
+        process = self.start(policy="auto", alignment_file=self.file)
+        self.result(1, 0.125)
+        self.wait_state(Alignment.ACCEPTED, 1)
+        self.result(2, 0.25)
+        before = self.wait_state(Alignment.ACCEPTED, 2)
+        self.wait_tf(0.25)
+        process.kill()
+
+        # The latched result 2 comes again, and is not taken for a new one; no CT is known.
+        process = self.start(policy="auto", alignment_file=self.file)
+        message = self.wait_state(Alignment.NONE)
+        self.assertIn("waits for its CT or accept", message.message)
+        self.hold_ct(OTHER_CT_CRC32)
+        self.alignment.wait(lambda m: "another CT" in m.message, "the other CT to be seen")
+        self.assertEqual(self.decide("accept").code, StatusCode.INVALID_REQUEST)
+        self.assertIsNone(self.tf_at(rospy.Time.now()))
+        self.hold_ct(CT_CRC32)
+        message = self.wait_state(Alignment.RESTORED)
+        self.wait_tf(0.25)
+        self.assertEqual(message.transform, before.transform)
+        self.assertEqual(message.header.stamp, before.header.stamp)
+        self.assertEqual(message.accepted, before.accepted)
+        self.assertEqual((message.result_id, message.ct_crc32), (0, CT_CRC32))
+
+        # What is reverted does not come back either.
+        self.assertEqual(self.decide("revert").code, StatusCode.OK)
+        process.kill()
+        self.start(policy="auto", alignment_file=self.file)
+        self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
+        self.result(3, 0.5)
+        self.wait_state(Alignment.ACCEPTED, 3)
+
+    def test_restart_that_waits_for_a_person(self):
+        process = self.start(policy="confirm", alignment_file=self.file)
+        self.hold_ct(CT_CRC32)
+        self.result(1, 0.25)
+        self.wait_waiting(1)
+        self.assertEqual(self.decide("accept").code, StatusCode.OK)
+        process.kill()
+        self.start(policy="confirm", alignment_file=self.file, restore="confirm")
+        self.alignment.wait(lambda m: m.message.endswith("waits for accept"), "it to wait")
+        self.assertEqual(self.decide("accept").code, StatusCode.OK)
+        self.wait_state(Alignment.RESTORED)
+        self.wait_tf(0.25)
+
+    def test_damaged_file(self):
+        process = self.start(policy="auto", alignment_file=self.file)
+        self.hold_ct(CT_CRC32)
+        self.result(1, 0.25)
+        self.wait_state(Alignment.ACCEPTED, 1)
+        process.kill()
+        with open(self.file) as stream:
+            text = stream.read()
+        for damaged in ("", text[:len(text) // 2], text.replace("0.25", "0.35")):
+            with open(self.file, "w") as stream:
+                stream.write(damaged)
+            process = self.start(policy="confirm", alignment_file=self.file)
+            self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
+            status = self.diagnosis(lambda s: s.level == s.ERROR, "an error")
+            self.assertIn(self.file, status.message)
+            self.assertIn("damaged", process.log())
+            # The latched result comes again, for what was decided is not known any more.
+            self.wait_waiting(1)
+            self.assertEqual(self.decide("accept").code, StatusCode.OK)
+            with open(self.file) as stream:
+                self.assertIn("0.25", stream.read())
+            process.kill()
+
+    def test_what_cannot_be_stored_is_not_accepted(self):
+        self.start(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
+        self.result(1, 0.25)
+        self.diagnosis(lambda s: s.level == s.ERROR and "missing" in s.message, "an error")
+        self.assertEqual(self.alignment.message.state, Alignment.NONE)
+
+    def test_another_ct_suspends_it(self):
+        self.start(policy="auto")
+        self.hold_ct(CT_CRC32)
+        self.result(1, 0.25)
+        self.wait_tf(0.25)
+        self.hold_ct(OTHER_CT_CRC32)
+        self.wait_state(Alignment.NONE)
+        wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
+        self.hold_ct(CT_CRC32)
+        self.wait_state(Alignment.ACCEPTED, 1)
+        self.wait_tf(0.25)
+
+    def test_simulated_time(self):
+        self.listener.unregister()  # it would complain about the old times
+        rospy.set_param("/use_sim_time", True)
+        clock = rospy.Publisher("/clock", Clock, queue_size=10)
+        process = self.start(policy="auto")
+        transforms = Newest("/tf", tf2_msgs.msg.TFMessage)
+
+        def wait_stamp(now_s):
+            """tf says now + tolerance, and less than the 1 ms more by which it is told apart."""
+            def arrived(message):
+                clock.publish(Clock(rospy.Time.from_sec(now_s)))
+                stamped = message.transforms[0]
+                ahead_s = stamped.header.stamp.to_sec() - now_s - TOLERANCE_S
+                return stamped.child_frame_id == self.ct and -1e-6 < ahead_s < 1e-3
+            return transforms.wait(arrived, f"a stamp at {now_s}")
+
+        def tick():
+            clock.publish(Clock(rospy.Time(100)))
+            return self.alignment.message and self.alignment.message.state == Alignment.ACCEPTED
+        self.result(1, 0.25)
+        wait_for(tick, "the result to be accepted")
+        wait_stamp(100.0)
+        wait_stamp(200.0)
+        # Time stands still: a new alignment is told apart from the old one of the same stamp.
+        before = transforms.message.transforms[0].header.stamp
+        self.result(2, 0.5)
+        message = transforms.wait(
+            lambda m: m.transforms[0].transform.translation.x == 0.5, "the new transform")
+        self.assertGreater(message.transforms[0].header.stamp, before)
+        wait_stamp(50.0)
+        self.assertIn("time jumped back by 150", process.log())
+        wait_stamp(51.0)
+
+    def test_shipped_configuration(self):
+        path = os.path.join(os.path.dirname(os.path.abspath(__file__)),
+                            "../../config/nodes/tf_publisher.yaml")
+        with open(path) as stream:
+            self.start(**yaml.safe_load(stream))
+        self.wait_state(Alignment.NONE)
+
+    def test_wrong_parameters_end_it(self):
+        for key, value, constraint in (("polcy", "auto", "is not a parameter"),
+                                       ("policy", "always", "must be one of"),
+                                       ("rate", 0.0, "must be in"),
+                                       ("transform_tolerance", 0.01, "must be >= 1 / rate")):
+            process = self.start(**{key: value})
+            self.assertEqual(process.exit_status(), 2)
+            self.assertIn(constraint, process.log())
+            self.assertIn(key, process.log())
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_tf_publisher")
+    rostest.rosrun("us_ct_registration", "tf_publisher", TfPublisher)
