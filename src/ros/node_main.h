@@ -11,9 +11,10 @@ namespace usct::ros_interface {
 template <class Node>
 int run_node(int argc, char** argv, const char* name) {
   ::ros::init(argc, argv, name);
+  // They outlive the try: without any, ROS shuts down, and the message would be lost.
+  ::ros::NodeHandle node;
+  ::ros::NodeHandle private_node("~");
   try {
-    ::ros::NodeHandle node;
-    ::ros::NodeHandle private_node("~");
     constexpr unsigned kThreads = 4;
     ::ros::AsyncSpinner spinner(kThreads);
     Node instance(node, private_node);
