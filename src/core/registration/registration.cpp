@@ -122,9 +122,7 @@ class Registration {
     Stopwatch watch;
     poses_.emplace(initial_.T_us_ct, options_, *search_);
     for (int round = 0; round < options_.rounds; ++round) {
-      std::vector<Candidate> candidates = starts(round);
-      for (std::size_t stage = 0; stage <= decisive(); ++stage)
-        candidates = climb(stage, round, std::move(candidates));
+      std::vector<Candidate> candidates = search_round(round);
       candidates.insert(candidates.end(), optima_.begin(), optima_.end());
       optima_ = search_->best_distinct(std::move(candidates), kMostOptima);
       if (optima_.empty() || !std::isfinite(optima_.front().value))
@@ -140,6 +138,10 @@ class Registration {
   /// How much more is done in a round than in the first.
   static std::size_t effort(int round) { return std::size_t{1} << (2 * round); }
 
+  /// Every other round looks near the initial pose, but closely: what only the decisive stage shows
+  /// has a narrow peak, which is found where starts are dense.
+  static bool looks_near(int round) { return round % 2 == 1; }
+
   /// The initial pose and what is spread around it: of one sequence, each round a part that is four
   /// times as long.
   std::vector<Candidate> starts(int round) {
@@ -150,6 +152,9 @@ class Registration {
     for (int before = 0; before < round; ++before)
       first += effort(before) * static_cast<std::size_t>(spread->count);
     all.count = static_cast<int>(first + effort(round) * static_cast<std::size_t>(spread->count));
+    const double share = looks_near(round) ? kNear : 1.0;
+    all.rotation_rad *= share;
+    all.translation_mm *= share;
     const PoseParameters pose(initial_.T_us_ct, prepared_.points_us_mm);
     const std::vector<PoseVector> vectors = spread_starts(pose, all);
     std::vector<Candidate> candidates;
@@ -158,11 +163,22 @@ class Registration {
     return candidates;
   }
 
-  std::vector<Candidate> climb(std::size_t at, int round, std::vector<Candidate> candidates) {
+  /// Optima of the decisive stage.
+  std::vector<Candidate> search_round(int round) {
+    std::vector<Candidate> candidates = starts(round);
+    const std::size_t entry = looks_near(round) ? decisive() : 0;
+    for (std::size_t stage = entry; stage <= decisive(); ++stage)
+      candidates = climb(stage, round, options_.stages[stage == entry ? 0 : stage].optimised,
+                         std::move(candidates));
+    return candidates;
+  }
+
+  std::vector<Candidate> climb(std::size_t at, int round, int optimised,
+                               std::vector<Candidate> candidates) {
     const StageOptions& stage = options_.stages[at];
     const Similarity& similarity = *levels_[at].similarity;
     search_->evaluate(similarity, candidates);
-    Search::sort(candidates, effort(round) * static_cast<std::size_t>(stage.optimised));
+    Search::sort(candidates, effort(round) * static_cast<std::size_t>(optimised));
     // Whoever gave the initial pose meant it: it is climbed from at every stage.
     if (at > 0 && round == 0) {
       std::vector<Candidate> initial{initial_};
@@ -246,6 +262,8 @@ class Registration {
   static constexpr std::size_t kLeastPoints = 100;
   static constexpr int kLeastVoxels = 4;
   static constexpr std::size_t kMostOptima = 5;
+  /// How far starts of a near round are spread, as a share of the others.
+  static constexpr double kNear = 0.5;
   /// A second optimum closer than this is the slope of the first, mm.
   static constexpr double kElsewhereMm = 10.0;
 
