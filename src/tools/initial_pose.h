@@ -27,7 +27,4 @@ class InitialPose {
   std::vector<std::string> probe_direction_;
 };
 
-/// Middle of the samples, US frame.
-Eigen::Vector3d middle_mm(const BeamGrid& beams);
-
 }  // namespace usct::tools

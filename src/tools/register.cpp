@@ -19,6 +19,7 @@
 #include "us_ct_registration/io/registration_options_io.h"
 #include "us_ct_registration/io/result_io.h"
 #include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/registration/rough_pose.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 
 namespace usct::tools {

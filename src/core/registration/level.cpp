@@ -72,10 +72,10 @@ Vector3i factors_to(double spacing_mm, const Grid& grid, const Vector3i& availab
 }  // namespace
 
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options) {
+                                      const RegistrationOptions& options, const Progress& check) {
   const BeamUltrasound averaged =
       decimate(ultrasound, factors_for_spacing(ultrasound.beams, options.conditioning_spacing_mm));
-  ConditionedUltrasound conditioned = condition(averaged, options.conditioning);
+  ConditionedUltrasound conditioned = condition(averaged, options.conditioning, check);
   PreparedUltrasound prepared;
   prepared.us.beams = averaged.beams;
   prepared.us.brightness = std::move(conditioned.samples);
@@ -116,12 +116,13 @@ Volume<float> ct_level(const CtInReach& in_reach, const StageOptions& stage) {
 }
 
 std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
-                                     std::size_t count) {
+                                     std::size_t count, const Progress& check) {
   std::vector<Volume<float>> levels(count);
   const Volume<float>* finer = nullptr;
   for (std::size_t i = count; i-- > 0;) {
     const StageOptions& stage = options.stages[i];
     if (simulates(stage)) continue;
+    if (check) check(static_cast<double>(count - 1 - i) / static_cast<double>(count));
     levels[i] = finer == nullptr
                     ? ct_level(in_reach, stage)
                     : shrink(*finer, factors_to(stage.spacing_mm, finer->grid, finer->grid.size),

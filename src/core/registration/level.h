@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "us_ct_registration/progress.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/similarity/similarity.h"
 #include "us_ct_registration/volume/operations.h"
@@ -18,8 +19,10 @@ struct PreparedUltrasound {
   std::vector<Eigen::Vector3d> points_us_mm;
 };
 
+/// `check` is called between the parts of the work and may throw to cancel; so below.
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options);
+                                      const RegistrationOptions& options,
+                                      const Progress& check = {});
 
 /// The part of the CT that the ultrasound can reach: its field of view at the initial pose, moved
 /// and turned as far as the starts go. Of size 0 where there is none.
@@ -36,9 +39,9 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
                     const Eigen::Isometry3d& T_us_ct, double margin_mm);
 
 /// The CT of the stages [0, count), averaged to their spacing, coarse ones from fine ones. Empty
-/// for stages that simulate: they take the CT as it is.
+/// for stages that simulate: they take the CT as it is. `check` may throw to cancel.
 std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
-                                     std::size_t count);
+                                     std::size_t count, const Progress& check = {});
 
 /// The CT of one stage, likewise.
 Volume<float> ct_level(const CtInReach& in_reach, const StageOptions& stage);

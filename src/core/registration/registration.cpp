@@ -57,7 +57,7 @@ class Registration {
     } catch (const Refusal& refusal) {
       refuse(refusal);
     }
-    if (search_) result_.evaluations = search_->evaluations();
+    result_.evaluations = search_->evaluations();
     result_.version = USCT_VERSION;
     return std::move(result_);
   }
@@ -70,11 +70,12 @@ class Registration {
 
   void report(double fraction) {
     if (hooks_.progress) hooks_.progress(fraction);
-    if (search_) search_->check_cancelled();
+    search_->check_cancelled();
   }
 
   void prepare() {
     Stopwatch watch;
+    search_.emplace(prepared_.points_us_mm, options_, hooks_);
     report(0.0);
     if (!initial_.T_us_ct.matrix().allFinite())
       throw Refusal{RegistrationStatus::kFailed, "the initial pose is not finite"};
@@ -83,11 +84,11 @@ class Registration {
         throw Refusal{RegistrationStatus::kFailed,
                       "stages[" + std::to_string(i) +
                           "].optimizer.max_evaluations is 0: no pose can be tried"};
-    prepared_ = registration::prepare_ultrasound(us_, options_);
+    const Progress check = [this](double) { search_->check_cancelled(); };
+    prepared_ = registration::prepare_ultrasound(us_, options_, check);
     if (prepared_.points_us_mm.size() < kLeastPoints)
       throw Refusal{RegistrationStatus::kFailed,
                     "nothing in the ultrasound counts: it is constant, or all of it is masked"};
-    search_.emplace(prepared_.points_us_mm, options_, hooks_);
     result_.seconds["ultrasound"] = watch.lap();
     report(0.1);
 
@@ -98,8 +99,11 @@ class Registration {
       throw Refusal{RegistrationStatus::kNoOverlap,
                     "the CT lies nowhere near the ultrasound at the initial pose"};
     const std::vector<Volume<float>> cts =
-        registration::ct_levels(in_reach, options_, decisive() + 1);
-    for (std::size_t i = 0; i < cts.size(); ++i) levels_.push_back(make_level(i, in_reach, cts[i]));
+        registration::ct_levels(in_reach, options_, decisive() + 1, check);
+    for (std::size_t i = 0; i < cts.size(); ++i) {
+      search_->check_cancelled();
+      levels_.push_back(make_level(i, in_reach, cts[i]));
+    }
     result_.seconds["ct"] = watch.lap();
     report(0.2);
   }

@@ -98,8 +98,8 @@ std::vector<Candidate> Search::best_distinct(std::vector<Candidate> candidates,
 void Search::evaluate(const Similarity& similarity, std::vector<Candidate>& candidates) {
   const int count = static_cast<int>(candidates.size());
   parallel_for((count + kShare - 1) / kShare, [&](int share) {
-    check_cancelled();
     for (int i = share * kShare; i < std::min(count, (share + 1) * kShare); ++i) {
+      check_cancelled();
       Candidate& candidate = candidates[static_cast<std::size_t>(i)];
       set_value(candidate, similarity.evaluate(candidate.T_us_ct.inverse(), candidate.errors));
     }

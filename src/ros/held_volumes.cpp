@@ -1,0 +1,247 @@
+#include "ros/held_volumes.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "ros/conversions.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using Status = msg::StatusCode;
+
+constexpr std::chrono::milliseconds kPoll(5);
+
+/// What the conversions leave to the node: a stamp of 0 would make tf give its newest transform.
+void require_header(const std_msgs::Header& header, const std::string& source) {
+  if (header.stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
+  if (header.frame_id.empty()) throw InputError(source, "'header.frame_id' is empty, must be set");
+}
+
+/// Runs a conversion; whatever it ends with that is not a volume is the sender's to mend.
+template <typename Convert>
+std::optional<Refusal> refusal_of(Convert&& convert) {
+  try {
+    convert();
+  } catch (const InputError& error) {
+    return Refusal(Status::INVALID_MESSAGE, error.what());
+  } catch (const std::exception& error) {
+    return Refusal(Status::FAILED, error.what());
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+HeldVolumes::HeldVolumes(const FixedFrame& frame, HeldVolumesOptions options,
+                         std::function<void()> changed)
+    : frame_(frame), options_(options), changed_(std::move(changed)), worker_([this] { work(); }) {}
+
+HeldVolumes::~HeldVolumes() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  worker_.join();
+}
+
+void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ct_arrival_ = message;
+  newest_ct_revision_ = message->revision;
+  newest_ct_crc32_ = message->crc32;
+  wake_.notify_all();
+}
+
+void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ultrasound_arrivals_.push_back(message);
+  ++arrived_ultrasound_;
+  // What would be dropped right after its conversion is not converted.
+  while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
+    ultrasound_arrivals_.pop_front();
+    ++converted_ultrasound_;
+  }
+  wake_.notify_all();
+}
+
+void HeldVolumes::work() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!stopping_) {
+    if (ct_arrival_) {
+      const msg::CtVolume::ConstPtr message = std::move(ct_arrival_);
+      ct_arrival_.reset();
+      converting_ct_ = true;
+      lock.unlock();
+      convert_ct(*message);
+      lock.lock();
+    } else if (!ultrasound_arrivals_.empty()) {
+      const msg::PreScanVolume::ConstPtr message = ultrasound_arrivals_.front();
+      ultrasound_arrivals_.pop_front();
+      lock.unlock();
+      Entry entry = convert(*message);
+      lock.lock();
+      entry.number = ++converted_ultrasound_;
+      keep(std::move(entry));
+    } else if (has_pending()) {
+      wake_.wait_for(lock, kPoll);
+    } else {
+      wake_.wait(lock);
+    }
+    settle_all();
+    drop_old();
+    lock.unlock();
+    wake_.notify_all();
+    changed_();
+    lock.lock();
+  }
+}
+
+/// As many settled ones as are to be kept, and as many that wait for tf. Where volumes come faster
+/// than tf, the newest takes the place of the one before it: those that wait longest are not
+/// dropped, else none would ever be ready.
+void HeldVolumes::keep(Entry entry) {
+  const auto settled = [](const Entry& one) { return one.settled; };
+  const auto most = static_cast<std::ptrdiff_t>(options_.ultrasound_volumes);
+  const auto waiting = std::count_if(ultrasound_.begin(), ultrasound_.end(), std::not_fn(settled));
+  if (!entry.settled && waiting > most && !ultrasound_.back().settled) ultrasound_.pop_back();
+  ultrasound_.push_back(std::move(entry));
+}
+
+void HeldVolumes::drop_old() {
+  const auto settled = [](const Entry& one) { return one.settled; };
+  while (std::count_if(ultrasound_.begin(), ultrasound_.end(), settled) >
+         static_cast<std::ptrdiff_t>(options_.ultrasound_volumes))
+    ultrasound_.erase(std::find_if(ultrasound_.begin(), ultrasound_.end(), settled));
+}
+
+void HeldVolumes::convert_ct(const msg::CtVolume& message) {
+  const std::string source = "CT revision " + std::to_string(message.revision);
+  auto held = std::make_shared<HeldCt>();
+  std::optional<Refusal> refusal = refusal_of([&] {
+    require_header(message.header, source);
+    *held = {message.header, message.revision, message.crc32, from_message(message, source)};
+  });
+  const std::lock_guard<std::mutex> lock(mutex_);
+  converting_ct_ = false;
+  ct_ = refusal ? nullptr : held;
+  ct_refusal_ = refusal;
+}
+
+HeldVolumes::Entry HeldVolumes::convert(const msg::PreScanVolume& message) const {
+  const std::string source = "ultrasound with the stamp " + seconds_text(message.header.stamp);
+  Entry entry;
+  entry.header = message.header;
+  entry.refusal = refusal_of([&] {
+    require_header(message.header, source);
+    auto held = std::make_shared<HeldUltrasound>();
+    held->header = message.header;
+    held->beams = along_beams(from_message(message, source));
+    entry.volume = held;
+  });
+  entry.settled = entry.refusal.has_value();
+  entry.deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                      std::chrono::duration<double>(options_.tf_timeout_s));
+  return entry;
+}
+
+/// Looks its pose up once tf has all, or no time is left. False: not yet.
+bool HeldVolumes::settle(Entry& entry) const {
+  if (!frame_.is_complete(entry.header) && Clock::now() < entry.deadline) return false;
+  try {
+    entry.volume->pose = frame_.look_up(entry.header);
+  } catch (const Refusal& refusal) {
+    entry.refusal = refusal;
+    entry.volume.reset();
+  }
+  return true;
+}
+
+void HeldVolumes::settle_all() {
+  for (Entry& entry : ultrasound_)
+    if (!entry.settled) entry.settled = settle(entry);
+}
+
+bool HeldVolumes::has_pending() const {
+  return std::any_of(ultrasound_.begin(), ultrasound_.end(),
+                     [](const Entry& entry) { return !entry.settled; });
+}
+
+void HeldVolumes::await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
+                        const std::function<bool()>& ready) {
+  while (!ready()) {
+    if (cancelled()) throw Refusal(Status::CANCELLED, "cancelled by the caller");
+    wake_.wait_for(lock, kPoll);
+  }
+}
+
+std::shared_ptr<const HeldCt> HeldVolumes::ct(const std::function<bool()>& cancelled) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  await(lock, cancelled, [&] { return !ct_arrival_ && !converting_ct_; });
+  if (ct_refusal_) throw Refusal(*ct_refusal_);
+  if (!ct_) throw Refusal(Status::NO_CT, "no CT was received");
+  return ct_;
+}
+
+const HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) const {
+  const auto found = std::find_if(
+      ultrasound_.rbegin(), ultrasound_.rend(),
+      [&](const Entry& entry) { return stamp.isZero() || entry.header.stamp == stamp; });
+  return found == ultrasound_.rend() ? nullptr : &*found;
+}
+
+std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
+    const ::ros::Time& stamp, const std::function<bool()>& cancelled) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const std::uint64_t arrived = arrived_ultrasound_;
+  await(lock, cancelled, [&] { return converted_ultrasound_ >= arrived; });
+  const Entry* entry = find(stamp);
+  if (entry == nullptr) {
+    if (ultrasound_.empty()) throw Refusal(Status::NO_ULTRASOUND, "no ultrasound was received");
+    std::string held;
+    for (const Entry& one : ultrasound_)
+      held += (held.empty() ? "" : ", ") + seconds_text(one.header.stamp);
+    throw Refusal(Status::NO_ULTRASOUND, "no ultrasound with the stamp " + seconds_text(stamp) +
+                                             " is held; there is: " + held);
+  }
+  const std::uint64_t number = entry->number;
+  // Others that arrive meanwhile may take its place.
+  await(lock, cancelled, [&] {
+    entry = &*std::find_if(ultrasound_.begin(), ultrasound_.end(),
+                           [&](const Entry& one) { return one.number >= number; });
+    return entry->settled;
+  });
+  if (entry->refusal) throw Refusal(*entry->refusal);
+  return entry->volume;
+}
+
+bool HeldVolumes::is_newest(const HeldCt& ct) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return ct.revision == newest_ct_revision_ && ct.crc32 == newest_ct_crc32_;
+}
+
+HeldVolumes::Ready HeldVolumes::ready_ultrasound() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto found = std::find_if(ultrasound_.rbegin(), ultrasound_.rend(),
+                                  [](const Entry& entry) { return entry.settled; });
+  if (found == ultrasound_.rend()) return {};
+  return {found->number, found->header.stamp};
+}
+
+HeldState HeldVolumes::state() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  HeldState state;
+  state.ct = ct_;
+  state.ct_refusal = ct_refusal_;
+  state.ultrasound_volumes = static_cast<int>(ultrasound_.size());
+  if (!ultrasound_.empty()) {
+    state.newest_ultrasound = ultrasound_.back().header;
+    state.newest_ultrasound_refusal = ultrasound_.back().refusal;
+  }
+  return state;
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,132 @@
+#pragma once
+
+#include <us_ct_registration/CtVolume.h>
+#include <us_ct_registration/PreScanVolume.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <variant>
+
+#include "ros/fixed_frame.h"
+#include "ros/refusal.h"
+#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct::ros_interface {
+
+struct HeldCt {
+  std_msgs::Header header;
+  std::uint32_t revision = 0;
+  std::uint32_t crc32 = 0;
+  CtVolume volume;
+};
+
+struct HeldUltrasound {
+  std_msgs::Header header;
+  BeamUltrasound beams;
+  FixedPose pose;
+};
+
+/// What is held, for diagnostics.
+struct HeldState {
+  std::shared_ptr<const HeldCt> ct;
+  std::optional<Refusal> ct_refusal;
+  int ultrasound_volumes = 0;
+  std::optional<std_msgs::Header> newest_ultrasound;
+  std::optional<Refusal> newest_ultrasound_refusal;
+};
+
+struct HeldVolumesOptions {
+  /// Recent ultrasound volumes that stay; >= 1.
+  int ultrasound_volumes = 3;
+  /// How long tf may take to reach an ultrasound volume's stamp, wall time.
+  double tf_timeout_s = 1.0;
+};
+
+/// The newest CT and some recent ultrasound, converted, with poses in the fixed frame: off the
+/// callbacks, which only hand over. Whoever asks waits for all that has arrived until then, so that
+/// nothing older than the newest message is ever registered in its place; if the newest message is
+/// malformed, that is what they are told. May be called from any thread.
+class HeldVolumes {
+ public:
+  /// `changed` is called, from the converting thread, whenever there is something new to take.
+  HeldVolumes(const FixedFrame& frame, HeldVolumesOptions options, std::function<void()> changed);
+  ~HeldVolumes();
+  HeldVolumes(const HeldVolumes&) = delete;
+  HeldVolumes& operator=(const HeldVolumes&) = delete;
+
+  void arrived(const us_ct_registration::CtVolume::ConstPtr& message);
+  void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message);
+
+  /// These wait; `cancelled` ends the wait with the refusal CANCELLED.
+  /// Refuses with NO_CT or INVALID_MESSAGE.
+  std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
+  /// With this stamp; 0: the newest. Refuses with NO_ULTRASOUND, INVALID_MESSAGE or, for want of
+  /// its pose, TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
+  std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
+                                                   const std::function<bool()>& cancelled);
+
+  /// Whether no other CT has arrived since: false at once, before the other one is converted.
+  bool is_newest(const HeldCt& ct) const;
+  /// The newest ultrasound that can be had without a wait; `number` counts up, 0: none.
+  struct Ready {
+    std::uint64_t number = 0;
+    ::ros::Time stamp;
+  };
+  Ready ready_ultrasound() const;
+  HeldState state() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  /// A volume, or why there is none; on the way to it, a volume that waits for tf.
+  struct Entry {
+    std::uint64_t number = 0;
+    std_msgs::Header header;
+    std::shared_ptr<HeldUltrasound> volume;
+    std::optional<Refusal> refusal;
+    bool settled = false;
+    Clock::time_point deadline;
+  };
+
+  void work();
+  void convert_ct(const us_ct_registration::CtVolume& message);
+  Entry convert(const us_ct_registration::PreScanVolume& message) const;
+  void keep(Entry entry);
+  void drop_old();
+  bool settle(Entry& entry) const;
+  void settle_all();
+  bool has_pending() const;
+  const Entry* find(const ::ros::Time& stamp) const;
+  void await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
+             const std::function<bool()>& ready);
+
+  const FixedFrame& frame_;
+  const HeldVolumesOptions options_;
+  const std::function<void()> changed_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  us_ct_registration::CtVolume::ConstPtr ct_arrival_;
+  bool converting_ct_ = false;
+  std::deque<us_ct_registration::PreScanVolume::ConstPtr> ultrasound_arrivals_;
+  std::uint64_t arrived_ultrasound_ = 0;
+  std::uint64_t converted_ultrasound_ = 0;
+  std::uint32_t newest_ct_revision_ = 0;
+  std::uint32_t newest_ct_crc32_ = 0;
+  std::shared_ptr<const HeldCt> ct_;
+  std::optional<Refusal> ct_refusal_;
+  std::deque<Entry> ultrasound_;  // newest last
+
+  std::thread worker_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,88 @@
+#include "ros/publisher_check.h"
+
+#include <ros/callback_queue.h>
+#include <ros/master.h>
+#include <topic_tools/shape_shifter.h>
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <thread>
+
+namespace usct::ros_interface {
+namespace {
+
+constexpr std::chrono::milliseconds kProbe(1000);
+constexpr std::chrono::milliseconds kPoll(10);
+
+bool within_probe_time(const std::function<bool()>& cancelled,
+                       const std::function<bool()>& condition) {
+  const auto end = std::chrono::steady_clock::now() + kProbe;
+  while (!condition()) {
+    if (cancelled() || std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(kPoll);
+  }
+  return true;
+}
+
+std::optional<std::string> published_type(const std::string& topic) {
+  ::ros::master::V_TopicInfo topics;
+  ::ros::master::getTopics(topics);
+  const auto found = std::find_if(topics.begin(), topics.end(),
+                                  [&](const auto& info) { return info.name == topic; });
+  if (found == topics.end()) return std::nullopt;
+  return found->datatype;
+}
+
+/// What a subscriber that takes any message finds.
+struct Probe {
+  bool connected = false;
+  std::string md5sum;  // empty if no message came
+};
+
+Probe probe(::ros::NodeHandle node, const std::string& topic,
+            const std::function<bool()>& cancelled) {
+  Probe found;
+  ::ros::CallbackQueue queue;
+  node.setCallbackQueue(&queue);
+  const ::ros::Subscriber any = node.subscribe<topic_tools::ShapeShifter>(
+      topic, 1, [&](const topic_tools::ShapeShifter::ConstPtr& message) {
+        found.md5sum = message->getMD5Sum();
+      });
+  within_probe_time(cancelled, [&] {
+    queue.callAvailable();
+    found.connected = found.connected || any.getNumPublishers() > 0;
+    return !found.md5sum.empty();
+  });
+  return found;
+}
+
+std::string other_definition(const ExpectedTopic& expected, const std::string& md5sum) {
+  return "the publisher of '" + expected.name + "' was built against another definition of " +
+         expected.datatype + " (md5sum " + (md5sum.empty() ? "not known" : md5sum) +
+         ", this node's is " + expected.md5sum + "): build both from the same .msg files";
+}
+
+}  // namespace
+
+std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTopic& expected,
+                                ::ros::Subscriber& subscriber,
+                                const std::function<::ros::Subscriber()>& resubscribe,
+                                const std::function<bool()>& cancelled) {
+  const std::optional<std::string> type = published_type(expected.name);
+  if (!type) return "'" + expected.name + "' has no publisher";
+  if (*type != expected.datatype)
+    return "'" + expected.name + "' is published as " + *type + ", must be " + expected.datatype;
+  // It may have come just now.
+  if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
+    return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";
+  // A subscriber for any type would share the connection of one that is there for this type.
+  subscriber.shutdown();
+  const Probe found = probe(node, expected.name, cancelled);
+  subscriber = resubscribe();
+  if (found.connected && found.md5sum != expected.md5sum)
+    return other_definition(expected, found.md5sum);
+  return "'" + expected.name + "' has a publisher, but no connection to it came about";
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,35 @@
+#include "ros/refusal.h"
+
+#include <map>
+
+namespace usct::ros_interface {
+
+std::string code_name(std::uint8_t code) {
+  using Status = us_ct_registration::StatusCode;
+  static const std::map<std::uint8_t, std::string> kNames = {
+      {Status::FAILED, "FAILED"},
+      {Status::OK, "OK"},
+      {Status::REGISTERED, "REGISTERED"},
+      {Status::LOW_CONFIDENCE, "LOW_CONFIDENCE"},
+      {Status::NO_OVERLAP, "NO_OVERLAP"},
+      {Status::CANCELLED, "CANCELLED"},
+      {Status::NO_CT, "NO_CT"},
+      {Status::NO_ULTRASOUND, "NO_ULTRASOUND"},
+      {Status::NO_INITIAL_ALIGNMENT, "NO_INITIAL_ALIGNMENT"},
+      {Status::TF_UNAVAILABLE, "TF_UNAVAILABLE"},
+      {Status::TF_STALE, "TF_STALE"},
+      {Status::TF_JUMPED, "TF_JUMPED"},
+      {Status::INVALID_MESSAGE, "INVALID_MESSAGE"},
+      {Status::UNKNOWN_PRESET, "UNKNOWN_PRESET"},
+      {Status::INVALID_REQUEST, "INVALID_REQUEST"},
+      {Status::ULTRASOUND_OUTDATED, "ULTRASOUND_OUTDATED"},
+      {Status::PATH_REFUSED, "PATH_REFUSED"},
+      {Status::FILE_ERROR, "FILE_ERROR"},
+      {Status::BUSY, "BUSY"},
+      {Status::NOTHING_TO_DECIDE, "NOTHING_TO_DECIDE"},
+  };
+  const auto found = kNames.find(code);
+  return found == kNames.end() ? std::to_string(code) : found->second;
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,171 @@
+#include "ros/registrar.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "ros/conversions.h"
+#include "ros/refusal.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/registration/registration.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using Status = msg::StatusCode;
+
+constexpr const char* kGlobalPreset = "global";
+
+void require_known(const std::string& preset) {
+  const std::vector<std::string> names = preset_names();
+  if (std::find(names.begin(), names.end(), preset) != names.end()) return;
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "'" : ", '") + name + "'";
+  throw Refusal(Status::UNKNOWN_PRESET, "there is no preset '" + preset + "'; there is " + all);
+}
+
+void refuse(const msg::StatusCode& status, msg::RegistrationResult& result) {
+  result.status = status;
+  result.transform = geometry_msgs::Transform();
+  result.fixed_transform = geometry_msgs::Transform();
+}
+
+}  // namespace
+
+/// What a registration needs; filled from top to bottom, as far as it exists.
+struct Registrar::Inputs {
+  Chosen chosen;
+  std::shared_ptr<const HeldCt> ct;
+  std::shared_ptr<const HeldUltrasound> us;
+  InitialAlignment start;
+};
+
+Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes,
+                     const InitialAlignments& alignments, const FixedFrame& frame,
+                     const std::string& source)
+    : options_(std::move(options)),
+      volumes_(volumes),
+      alignments_(alignments),
+      frame_(frame),
+      own_(parsed(options_.preset, options_.options, source)) {}
+
+Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string& options,
+                                    const std::string& source) const {
+  const std::string from_preset = preset.empty() ? "" : "preset: " + preset + "\n";
+  Chosen chosen{preset + (options.empty()  ? ""
+                          : preset.empty() ? "options"
+                                           : " with options"),
+                parse_registration_options(from_preset + options, source)};
+  if (options_.seed) chosen.options.seed = *options_.seed;
+  return chosen;
+}
+
+Registrar::Chosen Registrar::options_of(const RegistrationRequest& request) const {
+  if (request.preset.empty() && request.options.empty()) return own_;
+  const std::string& preset = request.preset.empty() ? options_.preset : request.preset;
+  if (!preset.empty()) require_known(preset);
+  try {
+    return parsed(preset, request.options, "'options'");
+  } catch (const InputError& error) {
+    throw Refusal(Status::INVALID_REQUEST, error.what());
+  }
+}
+
+void Registrar::collect(const RegistrationRequest& request, Inputs& inputs) {
+  inputs.chosen = options_of(request);
+  inputs.ct = volumes_.ct(request.cancelled);
+  inputs.us = volumes_.ultrasound(request.us_stamp, request.cancelled);
+  const ::ros::Time us_stamp = inputs.us->header.stamp;
+  const ::ros::Time ct_stamp = inputs.ct->header.stamp;
+  if (us_stamp < ct_stamp && !options_.allow_older_ultrasound)
+    throw Refusal(Status::ULTRASOUND_OUTDATED,
+                  "the ultrasound with the stamp " + seconds_text(us_stamp) + " was acquired " +
+                      seconds_text((ct_stamp - us_stamp).toSec()) +
+                      " s before the CT was loaded (" + seconds_text(ct_stamp) +
+                      "): it may show another patient; allow_older_ultrasound is false");
+  choose_start(request, inputs);
+}
+
+void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs) const {
+  const std::optional<InitialAlignment> known =
+      alignments_.choose(request.initial, *inputs.us, inputs.ct->header.frame_id);
+  if (known) {
+    inputs.start = *known;
+    return;
+  }
+  const bool asked_for = inputs.chosen.preset.rfind(kGlobalPreset, 0) == 0;
+  if (!asked_for && !options_.allow_global)
+    throw Refusal(Status::NO_INITIAL_ALIGNMENT,
+                  "no initial alignment is known: none in the request, none set, none accepted "
+                  "before, none in the parameters; and allow_global is false");
+  if (!asked_for) inputs.chosen = parsed(kGlobalPreset, "", "'preset'");
+  inputs.start = {
+      rough_pose(inputs.ct->volume.grid, inputs.us->beams.beams, options_.probe_direction),
+      kGlobalPreset};
+}
+
+void Registrar::require_newest(const HeldCt& ct) const {
+  if (volumes_.is_newest(ct)) return;
+  throw Refusal(Status::FAILED, "another CT arrived while CT revision " +
+                                    std::to_string(ct.revision) +
+                                    " was being registered: register again");
+}
+
+RegistrationResult Registrar::registered(const RegistrationRequest& request,
+                                         const Inputs& inputs) const {
+  RegistrationHooks hooks;
+  hooks.cancelled = [&] { return request.cancelled() || !volumes_.is_newest(*inputs.ct); };
+  hooks.progress = [&](double fraction) { request.progress(fraction, "registering"); };
+  RegistrationResult result = register_ultrasound(
+      inputs.us->beams, inputs.ct->volume, inputs.start.T_us_ct, inputs.chosen.options, hooks);
+  require_newest(*inputs.ct);
+  return result;
+}
+
+void Registrar::describe(const Inputs& inputs, msg::RegistrationResult& result) const {
+  result.preset = inputs.chosen.preset;
+  result.initial_alignment = inputs.start.source;
+  if (inputs.ct) {
+    result.ct_frame = inputs.ct->header.frame_id;
+    result.ct_stamp = inputs.ct->header.stamp;
+    result.ct_revision = inputs.ct->revision;
+    result.ct_crc32 = inputs.ct->crc32;
+  }
+  if (inputs.us) {
+    result.header.stamp = inputs.us->header.stamp;
+    result.header.frame_id = inputs.us->header.frame_id;
+    result.us_stamp = inputs.us->header.stamp;
+    result.fixed_frame = frame_.name(inputs.us->header);
+  }
+}
+
+msg::RegistrationResult Registrar::run(const RegistrationRequest& request) {
+  const auto begin = std::chrono::steady_clock::now();
+  msg::RegistrationResult result = to_message(RegistrationResult{});
+  Inputs inputs;
+  try {
+    request.progress(0.0, "waiting");
+    collect(request, inputs);
+    const RegistrationResult found = registered(request, inputs);
+    result = to_message(found);
+    if (found.T_us_ct)
+      result.fixed_transform = to_message(inputs.us->pose.T_fixed_us * *found.T_us_ct);
+    if (inputs.us->pose.age_s > 0.0)
+      result.status.message += "; tf was " + seconds_text(inputs.us->pose.age_s) +
+                               " s older than the ultrasound's stamp";
+  } catch (const Refusal& refusal) {
+    refuse(refusal.status(), result);
+  } catch (const std::exception& error) {
+    refuse(Refusal(Status::FAILED, error.what()).status(), result);
+  }
+  describe(inputs, result);
+  result.version = USCT_VERSION;
+  msg::Measure total;
+  total.name = "total";
+  total.value = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  result.durations.push_back(total);
+  return result;
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <geometry_msgs/TransformStamped.h>
+#include <us_ct_registration/RegistrationResult.h>
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "ros/held_volumes.h"
+#include "ros/initial_alignments.h"
+#include "us_ct_registration/registration/registration_options.h"
+#include "us_ct_registration/registration/registration_result.h"
+#include "us_ct_registration/registration/rough_pose.h"
+
+namespace usct::ros_interface {
+
+/// One registration, as asked for.
+struct RegistrationRequest {
+  /// Empty: the node's.
+  std::string preset;
+  /// YAML that differs from the preset; empty with an empty preset: the node's.
+  std::string options;
+  std::optional<geometry_msgs::TransformStamped> initial;
+  /// 0: the newest.
+  ::ros::Time us_stamp;
+  /// Both must be set; `progress` gets the fraction that is done and a stage, as in
+  /// Register.action.
+  std::function<bool()> cancelled;
+  std::function<void(double fraction, const std::string& stage)> progress;
+};
+
+struct RegistrarOptions {
+  /// Empty: `options` is a whole file of options.
+  std::string preset = "patient";
+  /// YAML that differs from the preset.
+  std::string options;
+  /// Unset: that of the options.
+  std::optional<std::uint32_t> seed;
+  bool allow_older_ultrasound = false;
+  /// Search over all poses where there is no initial alignment, with the preset `global`...
+  bool allow_global = false;
+  /// ... from here.
+  ProbeDirection probe_direction;
+};
+
+/// Turns a request into a result: collects what it needs, registers, and says why where it cannot.
+/// It uses volumes and alignments of others, who outlive it.
+class Registrar {
+ public:
+  /// Throws InputError, naming `source`, if the options are invalid.
+  Registrar(RegistrarOptions options, HeldVolumes& volumes, const InitialAlignments& alignments,
+            const FixedFrame& frame, const std::string& source);
+
+  /// Never throws; the result's `id` is the caller's.
+  us_ct_registration::RegistrationResult run(const RegistrationRequest& request);
+
+ private:
+  struct Chosen {
+    std::string preset;
+    RegistrationOptions options;
+  };
+  struct Inputs;
+
+  Chosen parsed(const std::string& preset, const std::string& options,
+                const std::string& source) const;
+  Chosen options_of(const RegistrationRequest& request) const;
+  void collect(const RegistrationRequest& request, Inputs& inputs);
+  void choose_start(const RegistrationRequest& request, Inputs& inputs) const;
+  usct::RegistrationResult registered(const RegistrationRequest& request,
+                                      const Inputs& inputs) const;
+  void require_newest(const HeldCt& ct) const;
+  void describe(const Inputs& inputs, us_ct_registration::RegistrationResult& result) const;
+
+  const RegistrarOptions options_;
+  HeldVolumes& volumes_;
+  const InitialAlignments& alignments_;
+  const FixedFrame& frame_;
+  Chosen own_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <optional>
+#include <string>
+
+#include "ros/fixed_frame.h"
+#include "ros/held_volumes.h"
+#include "ros/initial_alignments.h"
+#include "ros/registrar.h"
+
+namespace usct::ros_interface {
+
+/// Of the registration node; config/nodes/registration.yaml explains each.
+struct RegistrationParameters {
+  FixedFrameOptions frame;
+  HeldVolumesOptions volumes;
+  RegistrarOptions registrar;
+  std::optional<FramedAlignment> initial_alignment;
+  double tf_history_s = 60.0;
+  int threads = 0;
+  bool continuous = false;
+  double diagnostic_period_s = 1.0;
+  /// Names the options in messages.
+  std::string source;
+};
+
+/// Throws InputError, naming the parameter, its value and the constraint.
+RegistrationParameters read_registration_parameters(const ::ros::NodeHandle& private_node);
+
+}  // namespace usct::ros_interface

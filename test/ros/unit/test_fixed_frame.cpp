@@ -1,0 +1,179 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <tf2/buffer_core.h>
+
+#include "ros/conversions.h"
+#include "ros/fixed_frame.h"
+#include "ros/refusal.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Status = us_ct_registration::StatusCode;
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using testing::HasSubstr;
+
+std_msgs::Header us_at(double seconds) {
+  std_msgs::Header header;
+  header.frame_id = "us";
+  header.stamp = ::ros::Time(seconds);
+  return header;
+}
+
+Isometry3d pose(double x_mm, double angle_deg = 0.0) {
+  Isometry3d T = Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(angle_deg * M_PI / 180.0, Vector3d::UnitZ()).toRotationMatrix();
+  T.translation().x() = x_mm;
+  return T;
+}
+
+class FixedFrameTest : public testing::Test {
+ protected:
+  FixedFrameTest() { options_.frame = "patient"; }
+
+  void know(double seconds, const Isometry3d& T_mm, const std::string& parent = "patient",
+            const std::string& child = "us", bool is_static = false) {
+    geometry_msgs::TransformStamped transform;
+    transform.header.frame_id = parent;
+    transform.header.stamp = ::ros::Time(seconds);
+    transform.child_frame_id = child;
+    transform.transform = to_message(T_mm);
+    tf_.setTransform(transform, "test", is_static);
+  }
+  FixedFrame frame() const { return {tf_, options_}; }
+  Refusal refusal(double seconds) const {
+    try {
+      frame().look_up(us_at(seconds));
+    } catch (const Refusal& refusal) {
+      return refusal;
+    }
+    return {Status::OK, "no refusal"};
+  }
+
+  tf2::BufferCore tf_{::ros::Duration(60.0)};
+  FixedFrameOptions options_;
+};
+
+TEST_F(FixedFrameTest, PoseIsThatAtTheStamp) {
+  know(99.0, pose(100.0));
+  know(101.0, pose(102.0, 2.0));
+  EXPECT_NEAR(frame().look_up(us_at(100.0)).T_fixed_us.translation().x(), 101.0, 1e-6);
+  EXPECT_TRUE(
+      frame().look_up(us_at(100.0)).T_fixed_us.linear().isApprox(pose(0.0, 1.0).linear(), 1e-6));
+  EXPECT_EQ(frame().look_up(us_at(100.0)).age_s, 0.0);
+}
+
+TEST_F(FixedFrameTest, WithoutFixedFrameTheUltrasoundIsTheParent) {
+  options_.frame = "";
+  EXPECT_TRUE(frame().is_complete(us_at(100.0)));
+  EXPECT_EQ(frame().name(us_at(100.0)), "us");
+  EXPECT_TRUE(frame().look_up(us_at(100.0)).T_fixed_us.isApprox(Isometry3d::Identity()));
+}
+
+TEST_F(FixedFrameTest, UltrasoundInTheFixedFrameNeedsNoTf) {
+  options_.frame = "us";
+  EXPECT_TRUE(frame().is_complete(us_at(100.0)));
+  EXPECT_TRUE(frame().look_up(us_at(100.0)).T_fixed_us.isApprox(Isometry3d::Identity()));
+}
+
+TEST_F(FixedFrameTest, StaticTransformIsCompleteAtAnyTime) {
+  know(1.0, pose(7.0), "patient", "us", true);
+  EXPECT_TRUE(frame().is_complete(us_at(1e6)));
+  EXPECT_NEAR(frame().look_up(us_at(1e6)).T_fixed_us.translation().x(), 7.0, 1e-9);
+}
+
+TEST_F(FixedFrameTest, UnknownFramesAreUnavailable) {
+  EXPECT_FALSE(frame().is_complete(us_at(100.0)));
+  EXPECT_EQ(refusal(100.0).code(), Status::TF_UNAVAILABLE);
+  EXPECT_THAT(refusal(100.0).what(), HasSubstr("'us'"));
+  EXPECT_THAT(refusal(100.0).what(), HasSubstr("'patient'"));
+  EXPECT_THAT(refusal(100.0).what(), HasSubstr("100.000"));
+}
+
+TEST_F(FixedFrameTest, UnconnectedFramesAreUnavailable) {
+  know(99.0, pose(0.0), "patient", "robot");
+  know(99.0, pose(0.0), "world", "us");
+  EXPECT_EQ(refusal(99.0).code(), Status::TF_UNAVAILABLE);
+}
+
+TEST_F(FixedFrameTest, StampBeforeTheHistoryIsUnavailable) {
+  know(100.0, pose(0.0));
+  know(101.0, pose(0.0));
+  EXPECT_EQ(refusal(50.0).code(), Status::TF_UNAVAILABLE);
+}
+
+TEST_F(FixedFrameTest, NewestInPlaceOfTheStampIsStale) {
+  know(99.0, pose(0.0));
+  know(99.5, pose(0.0));
+  EXPECT_EQ(refusal(100.0).code(), Status::TF_STALE);
+  EXPECT_THAT(refusal(100.0).what(), HasSubstr("0.500 s before"));
+  EXPECT_THAT(refusal(100.0).what(), HasSubstr("99.500"));
+}
+
+TEST_F(FixedFrameTest, OlderTransformCountsAsFarAsAllowed) {
+  know(99.0, pose(5.0));
+  know(99.75, pose(6.0));
+  options_.max_tf_age_s = 0.25;
+  const FixedPose found = frame().look_up(us_at(100.0));
+  EXPECT_NEAR(found.T_fixed_us.translation().x(), 6.0, 1e-6);
+  EXPECT_NEAR(found.age_s, 0.25, 1e-9);
+  EXPECT_EQ(refusal(100.01).code(), Status::TF_STALE);
+}
+
+TEST_F(FixedFrameTest, IsCompleteOnceTfIsPastTheWindow) {
+  options_.jump_window_s = 0.2;
+  know(99.0, pose(0.0));
+  know(100.1, pose(0.0));
+  EXPECT_FALSE(frame().is_complete(us_at(100.0)));
+  know(100.25, pose(0.0));
+  EXPECT_TRUE(frame().is_complete(us_at(100.0)));
+}
+
+/// Standing still, then elsewhere: before or after the stamp, by way or by angle.
+TEST_F(FixedFrameTest, JumpsOnEitherSideAreRefused) {
+  options_.jump_window_s = 0.2;
+  for (const double jump_at : {99.9, 100.1})
+    for (const Isometry3d& there : {pose(3.5), pose(0.0, -3.5)}) {
+      tf_.clear();
+      know(99.0, pose(0.0));
+      know(jump_at - 0.001, pose(0.0));
+      know(jump_at, there);
+      know(101.0, there);
+      EXPECT_EQ(refusal(100.0).code(), Status::TF_JUMPED) << jump_at;
+      EXPECT_THAT(refusal(100.0).what(), HasSubstr("3.5 ")) << jump_at;
+      EXPECT_EQ(refusal(99.5).code(), Status::OK);
+      EXPECT_EQ(refusal(100.5).code(), Status::OK);
+    }
+}
+
+TEST_F(FixedFrameTest, MotionWithinTheLimitIsNoJump) {
+  options_.jump_window_s = 0.2;
+  know(99.0, pose(0.0));
+  know(101.0, pose(28.0, 28.0));  // 2.8 mm and degrees in 0.2 s
+  EXPECT_EQ(refusal(100.0).code(), Status::OK);
+}
+
+TEST_F(FixedFrameTest, OtherFramesAreLookedUpAtTheStamp) {
+  know(99.0, pose(10.0));
+  know(101.0, pose(10.0));
+  know(99.0, pose(0.0), "patient", "robot");
+  know(101.0, pose(40.0), "patient", "robot");
+  const FixedPose found = frame().look_up(us_at(100.0));
+  EXPECT_NEAR(frame().T_us_frame(us_at(100.0), found, "robot").translation().x(), 10.0, 1e-6);
+  EXPECT_NEAR(frame().T_us_frame(us_at(100.0), found, "patient").translation().x(), -10.0, 1e-6);
+  EXPECT_TRUE(
+      frame().T_us_frame(us_at(100.0), found, "us").isApprox(Isometry3d::Identity(), 1e-12));
+  for (const auto& [name, code] : std::map<std::string, int>{{"nowhere", Status::TF_UNAVAILABLE},
+                                                             {"", Status::INVALID_REQUEST}}) {
+    try {
+      frame().T_us_frame(us_at(100.0), found, name);
+      FAIL() << name;
+    } catch (const Refusal& refusal) {
+      EXPECT_EQ(refusal.code(), code) << refusal.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

@@ -1,0 +1,228 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <tf2/buffer_core.h>
+
+#include <boost/make_shared.hpp>
+
+#include "ros/conversions.h"
+#include "ros/held_volumes.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using Status = msg::StatusCode;
+using testing::HasSubstr;
+
+bool never() { return false; }
+
+std_msgs::Header header(const std::string& frame, double seconds) {
+  std_msgs::Header header;
+  header.frame_id = frame;
+  header.stamp = ::ros::Time(seconds);
+  return header;
+}
+
+boost::shared_ptr<msg::PreScanVolume> ultrasound_message(double seconds) {
+  PreScanVolume volume;
+  volume.geometry.axial = {2, 3.0, 0.4};
+  volume.geometry.array = CurvilinearArray{40.0, {-0.1, 0.1}};
+  volume.geometry.motion = MotorSweep{27.25, {-0.2, 0.2}, 0.0};
+  volume.voxels.assign(8, 50);
+  return boost::make_shared<msg::PreScanVolume>(to_message(volume, header("us", seconds)));
+}
+
+boost::shared_ptr<msg::CtVolume> ct_message(unsigned revision) {
+  CtVolume ct;
+  ct.grid.size = {2, 2, 2};
+  ct.grid.spacing_mm = {1.0, 1.0, 1.0};
+  ct.voxels.assign(8, static_cast<std::int16_t>(revision));
+  return boost::make_shared<msg::CtVolume>(to_message(ct, header("ct", 10.0), revision));
+}
+
+class HeldVolumesTest : public testing::Test {
+ protected:
+  HeldVolumes& volumes() {
+    if (!volumes_) volumes_.emplace(frame_, options_, [] {});
+    return *volumes_;
+  }
+  template <typename Ask>
+  Refusal refusal(Ask&& ask) {
+    try {
+      ask();
+    } catch (const Refusal& refusal) {
+      return refusal;
+    }
+    return {Status::OK, "no refusal"};
+  }
+  Refusal ct_refusal() {
+    return refusal([&] { volumes().ct(never); });
+  }
+  Refusal ultrasound_refusal(double seconds = 0.0) {
+    return refusal([&] { volumes().ultrasound(::ros::Time(seconds), never); });
+  }
+  double newest_s() { return volumes().ultrasound(::ros::Time(), never)->header.stamp.toSec(); }
+
+  FixedFrameOptions frame_options_;
+  HeldVolumesOptions options_;
+  tf2::BufferCore tf_{::ros::Duration(60.0)};
+  FixedFrame frame_{tf_, frame_options_};
+  std::optional<HeldVolumes> volumes_;
+};
+
+TEST_F(HeldVolumesTest, NothingIsHeldAtFirst) {
+  EXPECT_EQ(ct_refusal().code(), Status::NO_CT);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::NO_ULTRASOUND);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 0U);
+}
+
+TEST_F(HeldVolumesTest, WhoAsksGetsWhatArrivedBefore) {
+  for (int i = 1; i <= 50; ++i) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)));
+    volumes().arrived(msg::CtVolume::ConstPtr(ct_message(static_cast<unsigned>(i))));
+    EXPECT_EQ(newest_s(), i);
+    EXPECT_EQ(volumes().ct(never)->revision, static_cast<unsigned>(i));
+    EXPECT_EQ(volumes().ct(never)->volume.voxels.front(), i);
+  }
+}
+
+TEST_F(HeldVolumesTest, RecentUltrasoundIsKeptByStamp) {
+  options_.ultrasound_volumes = 3;
+  for (int i = 1; i <= 5; ++i) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)));
+    newest_s();
+  }
+  for (const double kept : {3.0, 4.0, 5.0})
+    EXPECT_EQ(volumes().ultrasound(::ros::Time(kept), never)->header.stamp.toSec(), kept);
+  const Refusal gone = ultrasound_refusal(2.0);
+  EXPECT_EQ(gone.code(), Status::NO_ULTRASOUND);
+  EXPECT_THAT(gone.what(), HasSubstr("2.000"));
+  EXPECT_THAT(gone.what(), HasSubstr("3.000, 4.000, 5.000"));
+}
+
+TEST_F(HeldVolumesTest, MalformedUltrasoundHidesOlderOneUntilTheNext) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)));
+  auto bad = ultrasound_message(2);
+  bad->samples = 4000000000U;
+  volumes().arrived(msg::PreScanVolume::ConstPtr(bad));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(ultrasound_refusal().code(), Status::INVALID_MESSAGE);
+    EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'samples' is 4000000000"));
+  }
+  EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::OK);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)));
+  EXPECT_EQ(newest_s(), 3.0);
+}
+
+TEST_F(HeldVolumesTest, UltrasoundWithoutStampOrFrameIsMalformed) {
+  auto no_stamp = ultrasound_message(1);
+  no_stamp->header.stamp = ::ros::Time();
+  volumes().arrived(msg::PreScanVolume::ConstPtr(no_stamp));
+  EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'header.stamp'"));
+  auto no_frame = ultrasound_message(2);
+  no_frame->header.frame_id = "";
+  volumes().arrived(msg::PreScanVolume::ConstPtr(no_frame));
+  EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'header.frame_id'"));
+}
+
+TEST_F(HeldVolumesTest, MalformedCtHidesOlderOne) {
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));
+  const auto first = volumes().ct(never);
+  auto bad = ct_message(2);
+  bad->data[3] ^= 1;
+  volumes().arrived(msg::CtVolume::ConstPtr(bad));
+  EXPECT_EQ(ct_refusal().code(), Status::INVALID_MESSAGE);
+  EXPECT_THAT(ct_refusal().what(), HasSubstr("revision 2"));
+  EXPECT_FALSE(volumes().is_newest(*first));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(3)));
+  EXPECT_EQ(volumes().ct(never)->revision, 3U);
+}
+
+TEST_F(HeldVolumesTest, CtIsNewestUntilAnotherArrives) {
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));
+  const auto first = volumes().ct(never);
+  EXPECT_TRUE(volumes().is_newest(*first));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));  // sent again
+  EXPECT_TRUE(volumes().is_newest(*first));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(2)));
+  EXPECT_FALSE(volumes().is_newest(*first));
+}
+
+class HeldVolumesWithTf : public HeldVolumesTest {
+ protected:
+  HeldVolumesWithTf() { frame_options_.frame = "patient"; }
+  void know(double seconds, double x_mm) {
+    geometry_msgs::TransformStamped transform;
+    transform.header = header("patient", seconds);
+    transform.child_frame_id = "us";
+    transform.transform.translation.x = x_mm / kMmPerM;
+    transform.transform.rotation.w = 1.0;
+    tf_.setTransform(transform, "test");
+  }
+  FixedFrame with_tf_{tf_, [] {
+                        FixedFrameOptions options;
+                        options.frame = "patient";
+                        return options;
+                      }()};
+};
+
+TEST_F(HeldVolumesWithTf, WaitsForTfThenHasThePose) {
+  options_.tf_timeout_s = 60.0;
+  volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  int asked = 0;
+  const auto late = [&] {
+    if (++asked == 3) {
+      know(99.0, 12.0);
+      know(101.0, 12.0);
+    }
+    return false;
+  };
+  const auto found = volumes().ultrasound(::ros::Time(), late);
+  EXPECT_NEAR(found->pose.T_fixed_us.translation().x(), 12.0, 1e-9);
+  EXPECT_GE(asked, 3);
+}
+
+TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
+  options_.tf_timeout_s = 0.01;
+  volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  know(98.0, 0.0);
+  know(99.0, 0.0);
+  // What was found out at its time stays.
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)));
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
+}
+
+/// Faster than tf, more than are kept: those that wait longest still become ready.
+TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
+  options_.tf_timeout_s = 600.0;
+  options_.ultrasound_volumes = 2;
+  volumes_.emplace(with_tf_, options_, [] {});
+  for (int i = 0; i < 20; ++i) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100.0 + 0.01 * i)));
+    EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted
+  }
+  know(99.0, 0.0);
+  know(100.115, 0.0);  // with the window, all that there is to know of the first two
+  while (volumes().ready_ultrasound().number < 2) std::this_thread::yield();
+  EXPECT_NEAR(volumes().ready_ultrasound().stamp.toSec(), 100.01, 1e-6);
+  know(102.0, 0.0);
+  EXPECT_NEAR(newest_s(), 100.19, 1e-6);
+}
+
+TEST_F(HeldVolumesWithTf, WaitEndsWhenCancelled) {
+  options_.tf_timeout_s = 600.0;
+  volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  int asked = 0;
+  const Refusal refused =
+      refusal([&] { volumes().ultrasound(::ros::Time(), [&] { return ++asked > 2; }); });
+  EXPECT_EQ(refused.code(), Status::CANCELLED);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 0U);
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
