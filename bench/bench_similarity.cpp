@@ -114,7 +114,7 @@ void conditioning(benchmark::State& state, int factor) {
 void packing(benchmark::State& state, double ct_mm) {
   omp_set_num_threads(static_cast<int>(state.range(0)));
   const Volume<float> volume = ct(ct_mm);
-  for (auto _ : state) benchmark::DoNotOptimize(PackedCt(volume, HuWindow{}, 40.0).cells().data());
+  for (auto _ : state) benchmark::DoNotOptimize(PackedCt(volume, HuWindow{}, 40.0).pairs().data());
   finish(state, static_cast<std::int64_t>(volume.voxels.size()));
 }
 

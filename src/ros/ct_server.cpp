@@ -169,13 +169,21 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
   return answer;
 }
 
+std::uint32_t CtServer::next_revision() {
+  // One a second, and none in the second of the start: a node before may have used that.
+  const double left_s = (::ros::WallTime(last_revision_ + 1, 0) - ::ros::WallTime::now()).toSec();
+  ::ros::WallDuration(std::clamp(left_s, 0.0, 1.0)).sleep();
+  // The clock may have been set back.
+  last_revision_ = std::max(last_revision_ + 1, ::ros::WallTime::now().sec);
+  return last_revision_;
+}
+
 void CtServer::hold(const Loaded& loaded) {
+  const std::uint32_t revision = next_revision();
   std_msgs::Header header;
   // Simulated time that has not begun yet is 0, which is no stamp: the CT was there before all else.
   header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
   header.frame_id = ct_frame_;
-  // Seconds since 1970: it rises over restarts without being kept anywhere.
-  const std::uint32_t revision = std::max(info_.revision + 1, ::ros::WallTime::now().sec);
   const auto volume =
       boost::make_shared<const msg::CtVolume>(to_message(loaded.ct.volume, header, revision));
   msg::CtInfo info;

@@ -41,6 +41,8 @@ class CtServer {
   Loaded read(const std::string& path, const std::string& labels) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
+  /// Seconds since 1970: it rises over restarts without being kept anywhere.
+  std::uint32_t next_revision();
   void hold(const Loaded& loaded);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
@@ -53,7 +55,8 @@ class CtServer {
   std::size_t surface_triangles_ = 0;
 
   std::mutex loading_;  // held while files are read
-  std::mutex mutex_;    // holds for the three below, for moments only
+  std::uint32_t last_revision_ = ::ros::WallTime::now().sec;
+  std::mutex mutex_;  // holds for the three below, for moments only
   us_ct_registration::CtVolumeConstPtr volume_;
   us_ct_registration::CtInfo info_;
   std::string last_error_;

@@ -1,6 +1,7 @@
 #include "ros/held_volumes.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "ros/conversions.h"
 #include "us_ct_registration/error.h"
@@ -84,20 +85,37 @@ void HeldVolumes::work() {
       Entry entry = convert(*message);
       lock.lock();
       entry.number = ++converted_ultrasound_;
-      ultrasound_.push_back(std::move(entry));
-      if (ultrasound_.size() > static_cast<std::size_t>(options_.ultrasound_volumes))
-        ultrasound_.pop_front();
+      keep(std::move(entry));
     } else if (has_pending()) {
       wake_.wait_for(lock, kPoll);
     } else {
       wake_.wait(lock);
     }
     settle_all();
+    drop_old();
     lock.unlock();
     wake_.notify_all();
     changed_();
     lock.lock();
   }
+}
+
+/// As many settled ones as are to be kept, and as many that wait for tf. Where volumes come faster
+/// than tf, the newest takes the place of the one before it: those that wait longest are not
+/// dropped, else none would ever be ready.
+void HeldVolumes::keep(Entry entry) {
+  const auto settled = [](const Entry& one) { return one.settled; };
+  const auto most = static_cast<std::ptrdiff_t>(options_.ultrasound_volumes);
+  const auto waiting = std::count_if(ultrasound_.begin(), ultrasound_.end(), std::not_fn(settled));
+  if (!entry.settled && waiting > most && !ultrasound_.back().settled) ultrasound_.pop_back();
+  ultrasound_.push_back(std::move(entry));
+}
+
+void HeldVolumes::drop_old() {
+  const auto settled = [](const Entry& one) { return one.settled; };
+  while (std::count_if(ultrasound_.begin(), ultrasound_.end(), settled) >
+         static_cast<std::ptrdiff_t>(options_.ultrasound_volumes))
+    ultrasound_.erase(std::find_if(ultrasound_.begin(), ultrasound_.end(), settled));
 }
 
 void HeldVolumes::convert_ct(const msg::CtVolume& message) {
@@ -190,11 +208,10 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                                              " is held; there is: " + held);
   }
   const std::uint64_t number = entry->number;
-  // Others may arrive meanwhile, and push it out.
+  // Others that arrive meanwhile may take its place.
   await(lock, cancelled, [&] {
-    const auto found = std::find_if(ultrasound_.begin(), ultrasound_.end(),
-                                    [&](const Entry& one) { return one.number == number; });
-    entry = found == ultrasound_.end() ? &ultrasound_.back() : &*found;
+    entry = &*std::find_if(ultrasound_.begin(), ultrasound_.end(),
+                           [&](const Entry& one) { return one.number >= number; });
     return entry->settled;
   });
   if (entry->refusal) throw Refusal(*entry->refusal);

@@ -99,6 +99,8 @@ class HeldVolumes {
   void work();
   void convert_ct(const us_ct_registration::CtVolume& message);
   Entry convert(const us_ct_registration::PreScanVolume& message) const;
+  void keep(Entry entry);
+  void drop_old();
   bool settle(Entry& entry) const;
   void settle_all();
   bool has_pending() const;

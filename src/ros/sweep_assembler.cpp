@@ -156,6 +156,7 @@ Kept keep_tracked(const Frames& all, double lag_s, const std::string& source) {
       kept.poses.push_back(*poses[i]);
     }
   }
+  if (kept.frames.empty()) throw InputError(source, "no image changes while a pose is known");
   return kept;
 }
 
@@ -252,7 +253,7 @@ std::vector<EndedSweep> SweepAssembler::add(const StreamedFrame& streamed, const
     if (anew) ended_.pop_back();
   }
   if (!sweep_) {
-    sweep_.emplace();
+    sweep_ = Sweep();
     sweep_->first = streamed.frame;
   }
   const std::string refusal = refusal_of(frame);

@@ -58,6 +58,7 @@ std::vector<fs::path> WatchedFolder::take(double now_s) {
   files_ = std::move(found);
   std::sort(ready.begin(), ready.end());
   std::vector<fs::path> paths;
+  paths.reserve(ready.size());
   for (const auto& [changed, path] : ready) paths.push_back(path);
   return paths;
 }

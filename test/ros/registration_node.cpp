@@ -15,6 +15,7 @@
 #include <array>
 #include <atomic>
 #include <cstdio>
+#include <filesystem>
 #include <mutex>
 #include <sstream>
 #include <thread>
@@ -568,7 +569,9 @@ TEST(Registration, ContinuousNodeletFollowsTheProbe) {
     for (const Result& result : client.published())
       if (result.status.code == Status::REGISTERED) registered.push_back(result);
     return registered.size() >= kWanted;
-  }));
+  })) << registered.size()
+      << " of " << client.published().size()
+      << "; last: " << (client.published().empty() ? "" : client.published().back().status.message);
   double moved_mm = 0.0;
   for (const Result& result : registered) {
     EXPECT_EQ(result.initial_alignment, "accepted");
@@ -609,7 +612,9 @@ TEST(Registration, ContinuousNodeletAnswersRequestsAndDiagnoses) {
 
 TEST(Registration, WrongParametersEndTheNodeNamingThem) {
   const auto started_with = [](const std::string& parameters) {
-    return output_of("rosrun us_ct_registration registration __name:=wrong " + parameters);
+    const auto node =
+        std::filesystem::read_symlink("/proc/self/exe").parent_path() / "registration";
+    return output_of(node.string() + " __name:=wrong " + parameters);
   };
   EXPECT_THAT(started_with("_options:='stages: {0: {spacing: 3}}'"),
               AllOf(HasSubstr("/wrong/options"), HasSubstr("stages[0].spacing"),

@@ -233,7 +233,7 @@ class CtServer(unittest.TestCase):
         answer = self.load("ct.nrrd")
         self.assertEqual(answer.status.code, StatusCode.PATH_REFUSED)
         self.assertIn("data_root is not set", answer.status.message)
-        process.kill()
+        process.kill()  # within the second of the load, as a rule
         self.volume.message = None
         self.start(path="ct.nrrd", data_root=self.root)
         self.assertGreater(self.volume.wait(lambda m: True, "the CT").revision, first.revision)

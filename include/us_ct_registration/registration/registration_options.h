@@ -52,25 +52,23 @@ struct ConfidenceOptions {
   /// ... and how far they are spread where the first stage has no starts, mm; > 0.
   double background_mm = 25.0;
   /// Of the decisive stage's similarity (the last but one; the only one if there is one).
-  double min_significance = 20.0;
-  /// Of a second similarity, that did not choose the pose.
-  SimilarityOptions confirmation;
-  double min_confirmation = 6.0;
+  double min_significance = 8.0;
   /// How much worse the second best optimum elsewhere (over 10 mm away) must be: the difference as
   /// a share of the best one's height above the background; [0, 1].
-  double min_margin = 0.3;
+  double min_margin = 0.1;
   /// The last stage may move the decisive stage's optimum by this much, mm (mean displacement).
   double max_disagreement_mm = 5.0;
   /// Greatest distance from the initial pose, mm (mean displacement); infinite: any.
   double max_displacement_mm = std::numeric_limits<double>::infinity();
-  /// Greatest expected error of the field of view, mm (root mean square). A pose at which the last
-  /// stage has no maximum is refused as well. From `sure_significance` on neither is judged.
-  double max_expected_error_mm = 1.3;
-  double sure_significance = 100.0;
+  /// A second similarity, on the images of the decisive stage, that did not choose the pose. Its
+  /// parts may pull the pose apart by this much, mm (root mean square displacement of the field of
+  /// view): where the pose is right they agree, where it only looks right they do not.
+  SimilarityOptions confirmation;
+  double max_scatter_mm = 0.4;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
-  /// independent), and what no image shows: mean square displacement of the field by sound speed,
-  /// deformation and the like, mm. Both by calibration (docs/accuracy.md).
-  double deviation_factor = 2.0;
+  /// independent, and err together), and what no image shows: shift of the field (root mean square)
+  /// by sound speed, deformation and the like, mm. Both by calibration (docs/accuracy.md).
+  double deviation_factor = 4.0;
   double systematic_mm = 0.8;
 
   void validate(const std::string& source) const;

@@ -49,10 +49,9 @@ struct RegistrationResult {
   /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
   /// as well.
   std::vector<RegistrationCandidate> candidates;
-  /// What the gates judged and the last stage estimated, by name: `significance`, `confirmation`,
-  /// `margin`, `is_maximum` (1 or 0), `disagreement_mm`, `displacement_mm`, `expected_error_mm`,
-  /// `depth_error`, `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not
-  /// measured is absent.
+  /// What the gates judged and the last stage estimated, by name: `significance`, `margin`,
+  /// `disagreement_mm`, `displacement_mm`, `scatter_mm`, `expected_error_mm`, `depth_error`,
+  /// `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not measured is absent.
   std::map<std::string, double> measures;
   int evaluations = 0;
   /// Wall time per stage, s.

@@ -9,12 +9,10 @@
 
 namespace usct {
 
-/// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values, and for each
-/// cell between eight voxels all eight of them in one 64-bit word, so that one load brings value
-/// and gradient.
-///
-/// The lowest byte is voxel (0, 0, 0) of the cell; bit 0 of a byte's index steps along i, bit 1
-/// along j, bit 2 along k.
+/// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values, each side by
+/// side with its neighbour along j, so that two loads of 32 bits bring the eight voxels around a
+/// cell, value and gradient. More neighbours in a word would take fewer loads, but of memory that
+/// no cache holds.
 class PackedCt {
  public:
   /// CT values are limited to the window, and rounded to a 255th of it. `background_hu` is what
@@ -22,11 +20,13 @@ class PackedCt {
   /// an axis, or if the window is, or the background lies outside it.
   PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu);
 
-  /// Of the voxels; there is one cell less along each axis.
+  /// Of the voxels.
   const Grid& grid() const { return grid_; }
-  const LargeVector<std::uint64_t>& cells() const { return cells_; }
-  std::size_t cell_stride_j() const { return stride_j_; }
-  std::size_t cell_stride_k() const { return stride_k_; }
+  /// Voxel (i, j, k) in the low byte, (i, j + 1, k) in the high one, at i + j * stride_j() + k *
+  /// stride_k(); there is no row for the last j.
+  const LargeVector<std::uint16_t>& pairs() const { return pairs_; }
+  std::size_t stride_j() const { return stride_j_; }
+  std::size_t stride_k() const { return stride_k_; }
   /// HU per step of a byte.
   double step_hu() const { return step_hu_; }
   /// The background on the scale of the bytes.
@@ -38,7 +38,7 @@ class PackedCt {
   std::size_t stride_k_ = 0;
   double step_hu_ = 0.0;
   double background_ = 0.0;
-  LargeVector<std::uint64_t> cells_;
+  LargeVector<std::uint16_t> pairs_;
 };
 
 }  // namespace usct

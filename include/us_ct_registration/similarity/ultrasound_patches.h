@@ -27,7 +27,16 @@ struct PatchOptions {
   }
   /// Throws InputError, naming `source`, the field, its value and the constraint.
   void validate(const std::string& source = "patch options") const;
+
+  friend bool operator==(const PatchOptions& a, const PatchOptions& b) {
+    return a.depth_mm == b.depth_mm && a.lateral_mm == b.lateral_mm &&
+           a.elevation_mm == b.elevation_mm && a.least_share == b.least_share;
+  }
 };
+
+/// What is kept of each sample besides its value. Only GradientChannel::kAlongBeam and
+/// AcquisitionErrors other than zero need the beams, which take three quarters of the memory.
+enum class PatchContents { kPositions, kWithBeams };
 
 /// The samples of ultrasound that count, patch by patch, laid out for vector instructions: each
 /// lane works through a *strand*, up to kLongestStrand samples of one patch, and kLanes strands lie
@@ -54,7 +63,8 @@ struct UltrasoundPatches {
 
   /// Per sample: position in the US frame, mm, and ultrasound minus the mean of its patch.
   LargeVector<float> x_mm, y_mm, z_mm, value;
-  /// Per sample: unit direction of its beam in the US frame, and its depth, mm.
+  /// Per sample: unit direction of its beam in the US frame, and its depth, mm. These and what
+  /// follows are empty without beams (PatchContents).
   LargeVector<float> direction_x, direction_y, direction_z, depth_mm;
   /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
   LargeVector<float> sweep_x, sweep_y, sweep_z;
@@ -66,10 +76,13 @@ struct UltrasoundPatches {
   std::size_t first_single_patch = 0;
   /// Samples that count, in all patches.
   std::size_t count = 0;
+
+  bool has_beams() const { return !depth_mm.empty(); }
 };
 
 /// Cuts what is known of the ultrasound into patches; those whose ultrasound is constant are left
 /// out. Throws InputError for invalid ultrasound or options.
-UltrasoundPatches cut_into_patches(const BeamUltrasound& ultrasound, const PatchOptions& options);
+UltrasoundPatches cut_into_patches(const BeamUltrasound& ultrasound, const PatchOptions& options,
+                                   PatchContents contents = PatchContents::kWithBeams);
 
 }  // namespace usct

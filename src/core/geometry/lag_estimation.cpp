@@ -39,8 +39,7 @@ struct Signal {
 };
 
 double quantile(std::vector<double> values, double share) {
-  const auto at = values.begin() +
-                  static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }
@@ -244,8 +243,8 @@ std::string text(const char* format, double value) {
 /// Why the estimate is not to be relied upon; empty if it is.
 std::string doubt(const LagEstimate& estimate, bool inside) {
   if (!(estimate.significance >= kLeastSignificance))
-    return text("image change and probe speed correlate by only %.2f", estimate.correlation) +
-           text(" (%.1f standard deviations above chance, must be >= 3)", estimate.significance);
+    return text("image change and probe speed correlate by %.2f", estimate.correlation) +
+           text(", %.1f standard deviations above chance, must be >= 3", estimate.significance);
   if (!inside)
     return text("the correlation still rises at the largest shift, %.2f s", estimate.lag_s);
   const double width = estimate.interval_s.second - estimate.interval_s.first;

@@ -227,13 +227,11 @@ void describe(Fields& fields, ConfidenceOptions& o) {
   fields("background", o.background);
   fields("background_mm", o.background_mm);
   fields("min_significance", o.min_significance);
-  fields("confirmation", o.confirmation);
-  fields("min_confirmation", o.min_confirmation);
   fields("min_margin", o.min_margin);
   fields("max_disagreement_mm", o.max_disagreement_mm);
   fields("max_displacement_mm", o.max_displacement_mm);
-  fields("max_expected_error_mm", o.max_expected_error_mm);
-  fields("sure_significance", o.sure_significance);
+  fields("confirmation", o.confirmation);
+  fields("max_scatter_mm", o.max_scatter_mm);
   fields("deviation_factor", o.deviation_factor);
   fields("systematic_mm", o.systematic_mm);
 }

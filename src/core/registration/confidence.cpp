@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numeric>
 
 #include "parallel.h"
 #include "us_ct_registration/evaluation/target_errors.h"
@@ -15,14 +16,10 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 /// Poses this close to the best one may profit from it, mm.
 constexpr double kAwayMm = 10.0;
-/// Steps of the numerical derivatives: beyond the grain of the sampling, within the peak; mm.
-constexpr double kStepMm = 0.7;
-
-/// Gradients of the parts (columns: parameters) and Hessian of their sum, by differences.
-struct Derivatives {
-  Eigen::MatrixXd gradients;
-  Matrix6d hessian;
-};
+/// A quadratic is fitted to what a similarity's parts are this far around a pose, mm: beyond the
+/// grain of the sampling, within the peak. Where only some of the parts have their peak near by,
+/// that is too far for the others.
+constexpr double kAroundMm = 3.0;
 
 std::string number(double value) {
   char text[32];
@@ -30,72 +27,65 @@ std::string number(double value) {
   return text;
 }
 
-/// Similarity, and its parts, where the parameters are displaced along one or two axes.
-class Displaced {
- public:
-  Displaced(const Similarity& similarity, const Candidate& best, const PoseParameters& pose)
-      : similarity_(similarity), best_(best), pose_(pose) {}
-
-  std::vector<double> parts(const PoseVector& x) const {
-    return similarity_.parts(pose_.T_us_ct(x).inverse(), best_.errors);
+/// 54 unit vectors, spread so evenly (the shortest ones of the lattice E6*, a spherical design of
+/// strength 5) that what is fitted to values there does not depend on how the axes are turned.
+std::vector<PoseVector> even_directions() {
+  const double third = 1.0 / std::sqrt(3.0);
+  std::vector<PoseVector> half{2.0 * third * PoseVector::Unit(5)};
+  for (int axis = 0; axis < 5; ++axis)
+    for (const double sign : {1.0, -1.0})
+      half.emplace_back(sign * PoseVector::Unit(axis) - third * PoseVector::Unit(5));
+  for (int signs = 0; signs < 32; ++signs) {
+    PoseVector corner = PoseVector::Constant(0.5);
+    corner[5] *= third;
+    for (int axis = 0; axis < 5; ++axis)
+      if ((signs >> axis & 1) != 0) corner[axis] = -0.5;
+    if (corner.prod() > 0.0) half.push_back(corner);
   }
-  double sum(const PoseVector& x) const {
-    return similarity_.evaluate(pose_.T_us_ct(x).inverse(), best_.errors).value;
-  }
-
- private:
-  const Similarity& similarity_;
-  const Candidate& best_;
-  const PoseParameters& pose_;
-};
-
-double total(const std::vector<double>& parts) {
-  double sum = 0.0;
-  for (const double part : parts) sum += part;
-  return sum;
+  std::vector<PoseVector> all;
+  for (const PoseVector& direction : half)
+    for (const double sign : {1.0, -1.0}) all.push_back(sign * direction.normalized());
+  return all;
 }
 
-Derivatives derivatives(const Displaced& at, const Search& search) {
-  // 0: the centre; 1...12: plus and minus along each axis; 13...27: plus along each pair.
-  constexpr int kAxes = 6;
-  constexpr int kOnAxes = 1 + 2 * kAxes;
-  std::vector<PoseVector> places{PoseVector::Zero()};
-  for (int i = 0; i < kAxes; ++i)
-    for (const double sign : {1.0, -1.0}) places.emplace_back(sign * kStepMm * PoseVector::Unit(i));
-  for (int i = 0; i < kAxes; ++i)
-    for (int j = 0; j < i; ++j)
-      places.emplace_back(kStepMm * (PoseVector::Unit(i) + PoseVector::Unit(j)));
+/// The quadratic that fits a similarity around a pose best.
+struct Quadratic {
+  Eigen::MatrixXd gradients;  // of the parts; columns: parameters
+  Matrix6d hessian;           // of their sum
+};
 
-  std::vector<std::vector<double>> parts(static_cast<std::size_t>(kOnAxes));
-  std::vector<double> sums(places.size());
+/// `centre`: the parts at the pose itself.
+Quadratic quadratic_around(const Similarity& similarity, const Candidate& best,
+                           const PoseParameters& pose, const std::vector<double>& centre,
+                           const Search& search) {
+  std::vector<PoseVector> places = even_directions();
+  for (PoseVector& place : places) place *= kAroundMm;
+  std::vector<std::vector<double>> parts(places.size());
   parallel_for(static_cast<int>(places.size()), [&](int i) {
     search.check_cancelled();
-    const auto place = static_cast<std::size_t>(i);
-    if (i < kOnAxes) {
-      parts[place] = at.parts(places[place]);
-      sums[place] = total(parts[place]);
-    } else {
-      sums[place] = at.sum(places[place]);
-    }
+    const auto at = static_cast<std::size_t>(i);
+    parts[at] = similarity.parts(pose.T_us_ct(places[at]).inverse(), best.errors);
   });
 
-  Derivatives result;
-  result.gradients.resize(static_cast<Eigen::Index>(parts[0].size()), kAxes);
-  const auto plus = [](int axis) { return static_cast<std::size_t>(1 + 2 * axis); };
-  for (int i = 0; i < kAxes; ++i) {
-    const std::vector<double>& a = parts[plus(i)];
-    const std::vector<double>& b = parts[plus(i) + 1];
-    for (std::size_t p = 0; p < a.size(); ++p)
-      result.gradients(static_cast<Eigen::Index>(p), i) = (a[p] - b[p]) / (2.0 * kStepMm);
-    result.hessian(i, i) =
-        (sums[plus(i)] - 2.0 * sums[0] + sums[plus(i) + 1]) / (kStepMm * kStepMm);
+  constexpr double kAxes = 6.0;
+  constexpr double kSquare = kAroundMm * kAroundMm;
+  const auto count = static_cast<double>(places.size());
+  const auto rows = static_cast<Eigen::Index>(centre.size());
+  Quadratic fit{Eigen::MatrixXd::Zero(rows, 6), Matrix6d::Zero()};
+  double mean = 0.0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const Eigen::Map<const Eigen::VectorXd> values(parts[i].data(), rows);
+    fit.gradients += kAxes / (count * kSquare) * values * places[i].transpose();
+    fit.hessian += values.sum() / count * places[i] * places[i].transpose();
+    mean += values.sum() / count;
   }
-  std::size_t pair = kOnAxes;
-  for (int i = 0; i < kAxes; ++i)
-    for (int j = 0; j < i; ++j, ++pair)
-      result.hessian(i, j) = result.hessian(j, i) =
-          (sums[pair] - sums[plus(i)] - sums[plus(j)] + sums[0]) / (kStepMm * kStepMm);
-  return result;
+  // The mean of f x x^T, without its trace, is that of the Hessian times r^4 / (n (n + 2)); the
+  // trace of the Hessian is in how far the mean of f lies below the centre.
+  fit.hessian.diagonal().array() -= mean * kSquare / kAxes;
+  fit.hessian *= kAxes * (kAxes + 2.0) / (kSquare * kSquare);
+  const double at_centre = std::accumulate(centre.begin(), centre.end(), 0.0);
+  fit.hessian.diagonal().array() += 2.0 * (mean - at_centre) / kSquare;
+  return fit;
 }
 
 /// What small parameters do: d(w, t) / d(parameters), about the origin of the US frame.
@@ -104,7 +94,7 @@ Matrix6d motion_of_parameters(const PoseParameters& pose) {
   motion.topLeftCorner<3, 3>() = pose.rotation_scale();
   motion.bottomRightCorner<3, 3>().setIdentity();
   // p + w x (p - c) + t = p + w x p + (t + c x w).
-  const Eigen::Vector3d c = pose.centre_us_mm();
+  const Eigen::Vector3d& c = pose.centre_us_mm();
   Eigen::Matrix3d cross;
   cross << 0.0, -c.z(), c.y(), c.z(), 0.0, -c.x(), -c.y(), c.x(), 0.0;
   motion.bottomLeftCorner<3, 3>() = cross * pose.rotation_scale();
@@ -149,31 +139,34 @@ Background BackgroundPoses::of(const Similarity& similarity, const Candidate& be
   return background;
 }
 
-PoseAccuracy pose_accuracy(const Similarity& similarity, const Candidate& best,
-                           const ConfidenceOptions& options, Search& search) {
+std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Candidate& best,
+                                          const ConfidenceOptions& options, const Search& search) {
   // Fewer parts than parameters, as of a global similarity, say nothing of how they scatter.
   constexpr std::size_t kLeastParts = 7;
-  if (similarity.parts(best.T_us_ct.inverse(), best.errors).size() < kLeastParts) return {};
+  const std::vector<double> parts = similarity.parts(best.T_us_ct.inverse(), best.errors);
+  if (parts.size() < kLeastParts) return std::nullopt;
   const PoseParameters pose(best.T_us_ct, search.points_us_mm());
-  const Derivatives d = derivatives(Displaced(similarity, best, pose), search);
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-d.hessian);
+  const Quadratic fit = quadratic_around(similarity, best, pose, parts, search);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(-fit.hessian);
+  // Directions in which the pose is at no maximum count as nearly flat.
+  constexpr double kLeastCurvature = 0.03;
+  const PoseVector& curvature = eigen.eigenvalues();
+  const double least = kLeastCurvature * curvature.cwiseAbs().maxCoeff();
+  if (!(least > 0.0)) return std::nullopt;
+  const Matrix6d inverse = eigen.eigenvectors() *
+                           curvature.cwiseMax(least).cwiseInverse().asDiagonal() *
+                           eigen.eigenvectors().transpose();
+
   PoseAccuracy accuracy;
-  accuracy.is_maximum = eigen.eigenvalues().minCoeff() > 0.0;
-  // Where it is not (a flat direction, and noise), the direction counts as nearly flat.
-  constexpr double kLeastCurvature = 0.05;
-  const Eigen::Matrix<double, 6, 1> curvature = eigen.eigenvalues();
-  if (!(curvature.mean() > 0.0)) return accuracy;
-  const Matrix6d inverse =
-      eigen.eigenvectors() *
-      curvature.cwiseMax(kLeastCurvature * curvature.mean()).cwiseInverse().asDiagonal() *
-      eigen.eigenvectors().transpose();
-  Matrix6d covariance = inverse * (d.gradients.transpose() * d.gradients) * inverse;
-  covariance *= options.deviation_factor * options.deviation_factor;
   // The parameters are scaled so that their variances sum to the mean square displacement.
-  covariance.diagonal().array() += options.systematic_mm * options.systematic_mm / 6.0;
+  Matrix6d covariance = inverse * (fit.gradients.transpose() * fit.gradients) * inverse;
+  accuracy.scatter_mm = std::sqrt(covariance.trace());
+  covariance *= options.deviation_factor * options.deviation_factor;
+  // What no image shows moves the field as a whole.
+  covariance.diagonal().tail<3>().array() += options.systematic_mm * options.systematic_mm / 3.0;
   const Matrix6d motion = motion_of_parameters(pose);
-  const Matrix6d result = motion * covariance * motion.transpose();
-  accuracy.covariance = 0.5 * (result + result.transpose());
+  const Matrix6d moved = motion * covariance * motion.transpose();
+  accuracy.covariance = 0.5 * (moved + moved.transpose());
   return accuracy;
 }
 
@@ -202,30 +195,21 @@ struct Gate {
   }
 };
 
-std::vector<Gate> gates(const ConfidenceOptions& options,
-                        const std::map<std::string, double>& measures) {
-  std::vector<Gate> all = {
+std::vector<Gate> gates(const ConfidenceOptions& options) {
+  return {
       {"significance", true, options.min_significance, "the best pose is no better than chance"},
-      {"confirmation", true, options.min_confirmation,
-       "a second similarity does not confirm the pose"},
       {"margin", true, options.min_margin, "another pose is almost as good"},
       {"disagreement_mm", false, options.max_disagreement_mm, "the last two stages disagree"},
       {"displacement_mm", false, options.max_displacement_mm,
        "the pose is far from the initial one"},
+      {"scatter_mm", false, options.max_scatter_mm, "parts of the ultrasound pull the pose apart"},
   };
-  const auto significance = measures.find("significance");
-  if (significance == measures.end() || significance->second < options.sure_significance) {
-    all.push_back({"is_maximum", true, 1.0, "the last stage has no maximum at the pose"});
-    all.push_back({"expected_error_mm", false, options.max_expected_error_mm,
-                   "the pose is not well defined"});
-  }
-  return all;
 }
 
 }  // namespace
 
 bool passes(const ConfidenceOptions& options, const std::map<std::string, double>& measures) {
-  const std::vector<Gate> all = gates(options, measures);
+  const std::vector<Gate> all = gates(options);
   return std::all_of(all.begin(), all.end(),
                      [&](const Gate& gate) { return gate.passed(measures); });
 }
@@ -237,7 +221,7 @@ void judge(const ConfidenceOptions& options, RegistrationResult& result) {
                      ", must be >= " + number(options.min_overlap);
     return;
   }
-  for (const Gate& gate : gates(options, result.measures))
+  for (const Gate& gate : gates(options))
     if (!gate.passed(result.measures)) {
       result.status = RegistrationStatus::kLowConfidence;
       result.message = gate.refusal(result.measures);

@@ -33,21 +33,20 @@ class BackgroundPoses {
   std::vector<Candidate> poses_;
 };
 
-/// How well defined a pose is.
+/// How well defined a pose is: by what a similarity does around it.
 struct PoseAccuracy {
-  /// Whether the similarity has a maximum there; unset where it has no parts to judge by.
-  std::optional<bool> is_maximum;
+  /// How far the similarity's parts pull the pose apart, mm (root mean square displacement of the
+  /// points): with H its Hessian and g_p the gradients of its parts, by `H^-1 (sum_p g_p g_p^T)
+  /// H^-1` (the sandwich estimator, Huber 1967).
+  double scatter_mm = 0.0;
   /// Of a small motion (rotation vector in rad and translation in mm, in the US frame, about its
-  /// origin: p -> p + w x p + t); unset where
-  /// the similarity curves upwards on the whole.
-  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+  /// origin: p -> p + w x p + t) that follows the pose: the same, widened as ConfidenceOptions say.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
-/// From how the similarity's parts pull: with H its Hessian and g_p the gradients of its parts,
-/// `H^-1 (sum_p g_p g_p^T) H^-1` (the sandwich estimator, Huber 1967), widened as ConfidenceOptions
-/// say.
-PoseAccuracy pose_accuracy(const Similarity& similarity, const Candidate& best,
-                           const ConfidenceOptions& options, Search& search);
+/// Unset for a similarity of fewer than seven parts, and where it is constant.
+std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Candidate& best,
+                                          const ConfidenceOptions& options, const Search& search);
 
 /// Root mean square over the points of the expected displacement, mm.
 double expected_error_mm(const Eigen::Matrix<double, 6, 6>& covariance,

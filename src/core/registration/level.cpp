@@ -47,6 +47,20 @@ bool simulates(const StageOptions& stage) {
   return stage.similarity.kind == SimilarityKind::kSimulatedLc2;
 }
 
+/// Beams cost memory and time; positions are enough unless a similarity looks along them, or a
+/// stage moves samples along them.
+PatchContents contents_for(const RegistrationOptions& options) {
+  const auto looks_along = [](const SimilarityOptions& similarity) {
+    return similarity.channel == GradientChannel::kAlongBeam;
+  };
+  const bool any =
+      std::any_of(options.stages.begin(), options.stages.end(), [&](const auto& stage) {
+        return stage.depth_error > 0.0 || stage.sweep_error > 0.0 || looks_along(stage.similarity);
+      });
+  return any || looks_along(options.confidence.confirmation) ? PatchContents::kWithBeams
+                                                             : PatchContents::kPositions;
+}
+
 Vector3i factors_to(double spacing_mm, const Grid& grid, const Vector3i& available) {
   Vector3i factors;
   for (int axis = 0; axis < 3; ++axis)
@@ -88,22 +102,31 @@ CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
   return {ct, region_around(ct.grid, points, margin_mm)};
 }
 
+CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
+                    const Eigen::Isometry3d& T_us_ct, double margin_mm) {
+  std::vector<Vector3d> points = prepared.points_us_mm;
+  for (Vector3d& p : points) p = T_us_ct.inverse() * p;
+  return {ct, region_around(ct.grid, points, margin_mm)};
+}
+
+Volume<float> ct_level(const CtInReach& in_reach, const StageOptions& stage) {
+  if (simulates(stage)) return {};
+  return shrink(in_reach.ct, factors_to(stage.spacing_mm, in_reach.ct.grid, in_reach.region.size),
+                in_reach.region);
+}
+
 std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
-                                     const Progress& check) {
-  std::vector<Volume<float>> levels(options.stages.size());
+                                     std::size_t count, const Progress& check) {
+  std::vector<Volume<float>> levels(count);
   const Volume<float>* finer = nullptr;
-  for (std::size_t i = levels.size(); i-- > 0;) {
+  for (std::size_t i = count; i-- > 0;) {
     const StageOptions& stage = options.stages[i];
     if (simulates(stage)) continue;
-    if (check)
-      check(static_cast<double>(levels.size() - 1 - i) / static_cast<double>(levels.size()));
-    if (finer == nullptr)
-      levels[i] =
-          shrink(in_reach.ct, factors_to(stage.spacing_mm, in_reach.ct.grid, in_reach.region.size),
-                 in_reach.region);
-    else
-      levels[i] = shrink(*finer, factors_to(stage.spacing_mm, finer->grid, finer->grid.size),
-                         whole(finer->grid));
+    if (check) check(static_cast<double>(count - 1 - i) / static_cast<double>(count));
+    levels[i] = finer == nullptr
+                    ? ct_level(in_reach, stage)
+                    : shrink(*finer, factors_to(stage.spacing_mm, finer->grid, finer->grid.size),
+                             whole(finer->grid));
     finer = &levels[i];
   }
   return levels;
@@ -112,8 +135,10 @@ std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const Registrati
 Level make_level(const StageOptions& stage, const PreparedUltrasound& prepared,
                  const CtInReach& in_reach, const Volume<float>& ct, bool with_confirmation,
                  const RegistrationOptions& options) {
-  const BeamUltrasound us =
-      decimate(prepared.us, factors_for_spacing(prepared.us.beams, stage.spacing_mm));
+  const Vector3i factors = factors_for_spacing(prepared.us.beams, stage.spacing_mm);
+  const bool is_fine = factors == Vector3i::Ones();
+  const BeamUltrasound averaged = is_fine ? BeamUltrasound{} : decimate(prepared.us, factors);
+  const BeamUltrasound& us = is_fine ? prepared.us : averaged;
   Level level;
   if (simulates(stage)) {
     level.similarity = make_simulated_lc2(us, {}, crop(in_reach.ct, in_reach.region),
@@ -121,13 +146,16 @@ Level make_level(const StageOptions& stage, const PreparedUltrasound& prepared,
     return level;
   }
   const auto packed = std::make_shared<const PackedCt>(ct, options.window, options.outside_hu);
-  const auto similarity = [&](const SimilarityOptions& which) {
-    return make_patch_similarity(
-        std::make_shared<const UltrasoundPatches>(cut_into_patches(us, which.patches)), packed,
-        which);
+  const auto cut = [&](const SimilarityOptions& which) {
+    return std::make_shared<const UltrasoundPatches>(
+        cut_into_patches(us, which.patches, contents_for(options)));
   };
-  level.similarity = similarity(stage.similarity);
-  if (with_confirmation) level.confirmation = similarity(options.confidence.confirmation);
+  const auto patches = cut(stage.similarity);
+  level.similarity = make_patch_similarity(patches, packed, stage.similarity);
+  if (!with_confirmation) return level;
+  const SimilarityOptions& other = options.confidence.confirmation;
+  level.confirmation = make_patch_similarity(
+      other.patches == stage.similarity.patches ? patches : cut(other), packed, other);
   return level;
 }
 

@@ -34,10 +34,17 @@ struct CtInReach {
 CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
                       const Eigen::Isometry3d& T_us_ct_initial, const RegistrationOptions& options);
 
-/// The CT of each stage, averaged to its spacing, coarse ones from fine ones. Empty for stages that
-/// simulate: they take the CT as it is.
+/// The part that it reaches from a pose if its points move by `margin_mm` at most.
+CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
+                    const Eigen::Isometry3d& T_us_ct, double margin_mm);
+
+/// The CT of the stages [0, count), averaged to their spacing, coarse ones from fine ones. Empty
+/// for stages that simulate: they take the CT as it is. `check` may throw to cancel.
 std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const RegistrationOptions& options,
-                                     const Progress& check = {});
+                                     std::size_t count, const Progress& check = {});
+
+/// The CT of one stage, likewise.
+Volume<float> ct_level(const CtInReach& in_reach, const StageOptions& stage);
 
 /// The similarity of a stage, and on request another one on the same images.
 struct Level {
@@ -45,6 +52,7 @@ struct Level {
   std::shared_ptr<const Similarity> confirmation;
 };
 
+/// `ct` is that of the stage, `in_reach` what stages that simulate take.
 Level make_level(const StageOptions& stage, const PreparedUltrasound& prepared,
                  const CtInReach& in_reach, const Volume<float>& ct, bool with_confirmation,
                  const RegistrationOptions& options);

@@ -92,18 +92,37 @@ class Registration {
     result_.seconds["ultrasound"] = watch.lap();
     report(0.1);
 
-    const registration::CtInReach in_reach =
-        registration::ct_in_reach(ct_, prepared_.us.beams, initial_.T_us_ct, options_);
+    in_reach_.emplace(
+        registration::ct_in_reach(ct_, prepared_.us.beams, initial_.T_us_ct, options_));
+    const registration::CtInReach& in_reach = *in_reach_;
     if (in_reach.region.size.minCoeff() < kLeastVoxels)
       throw Refusal{RegistrationStatus::kNoOverlap,
                     "the CT lies nowhere near the ultrasound at the initial pose"};
-    const std::vector<Volume<float>> cts = registration::ct_levels(in_reach, options_, check);
+    const std::vector<Volume<float>> cts =
+        registration::ct_levels(in_reach, options_, decisive() + 1, check);
     for (std::size_t i = 0; i < cts.size(); ++i) {
       search_->check_cancelled();
       levels_.push_back(make_level(i, in_reach, cts[i]));
     }
     result_.seconds["ct"] = watch.lap();
     report(0.2);
+  }
+
+  /// Of the last stage, on the CT around the best optimum alone: it has the finest images, and what
+  /// it moves further than the gates allow is refused.
+  void make_last_level() {
+    const StageOptions& stage = options_.stages.back();
+    const double margin_mm =
+        std::min(2.0 * options_.confidence.max_disagreement_mm, stage.reach_mm);
+    // What simulates follows beams from the probe on.
+    const registration::CtInReach near =
+        stage.similarity.kind == SimilarityKind::kSimulatedLc2
+            ? *in_reach_
+            : registration::ct_around(ct_, prepared_, optima_.front().T_us_ct, margin_mm);
+    if (near.region.size.minCoeff() < kLeastVoxels)
+      throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+    levels_.push_back(
+        make_level(options_.stages.size() - 1, near, registration::ct_level(near, stage)));
   }
 
   Level make_level(std::size_t stage, const registration::CtInReach& in_reach,
@@ -195,6 +214,8 @@ class Registration {
     best_ = optima_.front();
     if (options_.stages.size() > 1) {
       const std::size_t last = options_.stages.size() - 1;
+      make_last_level();
+      result_.seconds["ct"] += watch.lap();
       std::vector<Candidate> polished{best_};
       search_->evaluate(*levels_[last].similarity, polished);
       search_->optimise(*levels_[last].similarity, options_.stages[last], polished);
@@ -225,11 +246,20 @@ class Registration {
             (best.value - optima_[i].value) / (best.value - background.mean);
         break;
       }
-    if (!level.confirmation) return;
-    std::vector<Candidate> there{best};
-    search_->evaluate(*level.confirmation, there);
-    result_.measures["confirmation"] =
-        poses_->of(*level.confirmation, best, *search_).significance(there.front().value);
+    measure_accuracy(best);
+  }
+
+  /// By the second similarity: it did not choose the pose.
+  void measure_accuracy(const Candidate& candidate) {
+    const Level& level = levels_[decisive()];
+    const std::optional<registration::PoseAccuracy> accuracy =
+        registration::pose_accuracy(level.confirmation ? *level.confirmation : *level.similarity,
+                                    candidate, options_.confidence, *search_);
+    if (!accuracy) return;
+    result_.covariance = accuracy->covariance;
+    result_.measures["scatter_mm"] = accuracy->scatter_mm;
+    result_.measures["expected_error_mm"] =
+        registration::expected_error_mm(accuracy->covariance, prepared_.points_us_mm);
   }
 
   void judge() {
@@ -237,13 +267,7 @@ class Registration {
     result_.similarity = optima_.front().value;
     result_.overlap = best_.overlap;
     result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
-    const registration::PoseAccuracy accuracy = registration::pose_accuracy(
-        *levels_.back().similarity, best_, options_.confidence, *search_);
-    if (accuracy.is_maximum) result_.measures["is_maximum"] = *accuracy.is_maximum ? 1.0 : 0.0;
-    result_.covariance = accuracy.covariance;
-    if (result_.covariance)
-      result_.measures["expected_error_mm"] =
-          registration::expected_error_mm(*result_.covariance, prepared_.points_us_mm);
+    measure_accuracy(best_);
     result_.candidates.push_back({best_.T_us_ct, optima_.front().value, best_.overlap});
     for (std::size_t i = 1; i < optima_.size(); ++i)
       result_.candidates.push_back({optima_[i].T_us_ct, optima_[i].value, optima_[i].overlap});
@@ -274,6 +298,7 @@ class Registration {
   const RegistrationHooks& hooks_;
 
   registration::PreparedUltrasound prepared_;
+  std::optional<registration::CtInReach> in_reach_;
   std::vector<Level> levels_;
   std::optional<Search> search_;
   std::optional<BackgroundPoses> poses_;

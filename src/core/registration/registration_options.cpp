@@ -34,15 +34,11 @@ void ConfidenceOptions::validate(const std::string& source) const {
   require(background >= 16, source, "background", background, ">= 16");
   require(is_positive(background_mm), source, "background_mm", background_mm, "finite and > 0");
   require(!std::isnan(min_significance), source, "min_significance", min_significance, "a number");
-  confirmation.validate(source + ".confirmation");
-  require(!std::isnan(min_confirmation), source, "min_confirmation", min_confirmation, "a number");
   require_share(min_margin, source, "min_margin", 1.0);
   require(max_disagreement_mm >= 0.0, source, "max_disagreement_mm", max_disagreement_mm, ">= 0");
   require(max_displacement_mm >= 0.0, source, "max_displacement_mm", max_displacement_mm, ">= 0");
-  require(max_expected_error_mm >= 0.0, source, "max_expected_error_mm", max_expected_error_mm,
-          ">= 0");
-  require(!std::isnan(sure_significance), source, "sure_significance", sure_significance,
-          "a number");
+  confirmation.validate(source + ".confirmation");
+  require(max_scatter_mm >= 0.0, source, "max_scatter_mm", max_scatter_mm, ">= 0");
   require(is_positive(deviation_factor), source, "deviation_factor", deviation_factor,
           "finite and > 0");
   require(std::isfinite(systematic_mm) && systematic_mm >= 0.0, source, "systematic_mm",

@@ -109,6 +109,10 @@ void Search::evaluate(const Similarity& similarity, std::vector<Candidate>& cand
 
 void Search::optimise(const Similarity& similarity, const StageOptions& stage,
                       std::vector<Candidate>& candidates) {
+  if (candidates.size() == 1) {  // the threads are the similarity's
+    evaluations_ += optimise(similarity, stage, candidates.front());
+    return;
+  }
   std::vector<int> evaluations(candidates.size());
   parallel_for(static_cast<int>(candidates.size()), [&](int i) {
     const auto at = static_cast<std::size_t>(i);

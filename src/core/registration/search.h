@@ -22,8 +22,8 @@ struct Candidate {
 /// Thrown through loops when the caller wants to stop.
 struct Cancelled {};
 
-/// Evaluates and optimises candidates of one registration, in parallel over candidates: one
-/// evaluation is too short to be shared.
+/// Evaluates and optimises candidates of one registration, in parallel over candidates; one alone
+/// leaves the threads to the similarity.
 class Search {
  public:
   Search(const std::vector<Eigen::Vector3d>& points_us_mm, const RegistrationOptions& options,

@@ -18,15 +18,18 @@ namespace usct::HWY_NAMESPACE {
 JointSums joint_sums(const JointSumsInput& in) { return joint_sums_scalar(in); }
 #else
 
-/// Neighbouring samples often share a knot; each of them has a table of its own, so that one need
-/// not wait for the other's sum.
-constexpr std::size_t kTables = 4;
-constexpr std::size_t kPerKnot = 2;  // ultrasound, count
+/// Neighbouring samples often lie between the same knots; each of them has a table of its own, so
+/// that one need not wait for the other's sum.
+constexpr std::size_t kTables = 2;
+/// Tables hold what samples between the same four knots give them, side by side: a sample is one
+/// sum, and the knots get theirs when tables are flushed. (row, column), (row, column + 1), (row +
+/// 1, column), (row + 1, column + 1), of each ultrasound and count.
+constexpr std::size_t kPerCell = 8;
 
 /// Samples after which the tables, in single precision, are added to sums in double precision.
 constexpr std::size_t kBeforeFlush = 1 << 15;
 
-/// Where each lane's sample goes: what its row's two knots get, times 1 - `along` (this row) and
+/// Where each lane's sample goes: what the knots of its row get, times 1 - `along` (this row) and
 /// `along` (the next).
 struct Shares {
   alignas(64) float knots[4 * 16];
@@ -34,41 +37,64 @@ struct Shares {
   alignas(64) std::int32_t at[16];
 };
 
-HWY_INLINE void share(const JointSumsInput& in, VF value, VF gradient, VF scale, VF ultrasound,
-                      Shares& shares) {
+/// Places on the grid of knots, and the last of them that samples lie beyond.
+struct Knots {
+  explicit Knots(const JointSumsInput& in)
+      : rows_per_byte(static_cast<float>(in.rows - 1) / 255.0F),
+        column_gaps(static_cast<float>(in.columns - 1)),
+        last_row(static_cast<float>(in.rows - 2)),
+        last_column(static_cast<float>(in.columns - 2)),
+        gradient_scale(static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu())) {}
+  float rows_per_byte;
+  float column_gaps;
+  float last_row;
+  float last_column;
+  float gradient_scale;
+};
+
+HWY_INLINE void share(const Knots& knots, VF value, VF gradient, VF ultrasound, Shares& shares) {
   // What is filled up has no ultrasound, and no weight.
   const MF known = hn::Eq(ultrasound, ultrasound);
   const VF u = hn::IfThenElseZero(known, ultrasound);
-  const VF row = hn::Mul(value, hn::Set(df, static_cast<float>(in.rows - 1) / 255.0F));
-  const VF column = hn::Mul(hn::Div(gradient, hn::Add(gradient, scale)),
-                            hn::Set(df, static_cast<float>(in.columns - 1)));
-  const auto r = hn::Min(hn::ConvertTo(di, row), hn::Set(di, in.rows - 2));
-  const auto c = hn::Min(hn::ConvertTo(di, column), hn::Set(di, in.columns - 2));
-  const VF share_next = hn::Sub(column, hn::ConvertTo(df, c));
+  const VF row = hn::Mul(value, hn::Set(df, knots.rows_per_byte));
+  const VF column = hn::Mul(hn::Div(gradient, hn::Add(gradient, hn::Set(df, knots.gradient_scale))),
+                            hn::Set(df, knots.column_gaps));
+  const VF r = hn::Min(hn::Floor(row), hn::Set(df, knots.last_row));
+  const VF c = hn::Min(hn::Floor(column), hn::Set(df, knots.last_column));
+  const VF share_next = hn::Sub(column, c);
   const VF along_column = hn::IfThenElseZero(known, share_next);
   const VF rest = hn::IfThenElseZero(known, hn::Sub(hn::Set(df, 1.0F), share_next));
   hn::StoreInterleaved4(hn::Mul(rest, u), rest, hn::Mul(along_column, u), along_column, df,
                         shares.knots);
-  hn::Store(hn::Sub(row, hn::ConvertTo(df, r)), df, shares.along);
-  hn::Store(hn::Add(hn::Mul(r, hn::Set(di, in.columns)), c), di, shares.at);
+  hn::Store(hn::Sub(row, r), df, shares.along);
+  hn::Store(whole(hn::MulAdd(r, hn::Set(df, knots.column_gaps), c)), di, shares.at);
 }
 
-HWY_INLINE void add(const Shares& shares, std::size_t lane, std::size_t row_stride, float* table) {
-  const hn::FixedTag<float, 4> d4;
-  float* here = table + kPerKnot * static_cast<std::size_t>(shares.at[lane]);
-  float* next = here + row_stride;
-  const auto knots = hn::Load(d4, shares.knots + 4 * lane);
-  const auto along = hn::Set(d4, shares.along[lane]);
-  hn::StoreU(hn::MulAdd(knots, along, hn::LoadU(d4, next)), d4, next);
-  hn::StoreU(hn::Add(hn::NegMulAdd(knots, along, knots), hn::LoadU(d4, here)), d4, here);
+HWY_INLINE void add(const Shares& shares, std::size_t lane, float* table) {
+  alignas(32) static constexpr float kThisRow[kPerCell] = {1.0F, 1.0F, 1.0F, 1.0F};
+  alignas(32) static constexpr float kNextRow[kPerCell] = {-1.0F, -1.0F, -1.0F, -1.0F,
+                                                           1.0F,  1.0F,  1.0F,  1.0F};
+  const hn::CappedTag<float, kPerCell> d8;
+  float* cell = table + kPerCell * static_cast<std::size_t>(shares.at[lane]);
+  const auto knots = hn::LoadDup128(d8, shares.knots + 4 * lane);
+  const auto along = hn::Set(d8, shares.along[lane]);
+  for (std::size_t i = 0; i < kPerCell; i += hn::Lanes(d8)) {
+    const auto share = hn::MulAdd(along, hn::Load(d8, kNextRow + i), hn::Load(d8, kThisRow + i));
+    hn::Store(hn::MulAdd(knots, share, hn::Load(d8, cell + i)), d8, cell + i);
+  }
 }
 
-void flush(std::vector<float>& tables, JointSums& sums) {
-  const std::size_t table_size = tables.size() / kTables;
-  for (std::size_t i = 0; i < tables.size(); i += kPerKnot) {
-    const std::size_t knot = i % table_size / kPerKnot;
-    sums.ultrasound[knot] += static_cast<double>(tables[i]);
-    sums.count[knot] += static_cast<double>(tables[i + 1]);
+void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums) {
+  const auto columns = static_cast<std::size_t>(in.columns);
+  const std::size_t cells = tables.size() / kTables / kPerCell;
+  for (std::size_t i = 0; i < cells * kTables; ++i) {
+    const std::size_t cell = i % cells;
+    const std::size_t first = cell / (columns - 1) * columns + cell % (columns - 1);
+    for (std::size_t corner = 0; corner < 4; ++corner) {
+      const std::size_t knot = first + corner / 2 * columns + corner % 2;
+      sums.ultrasound[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner]);
+      sums.count[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner + 1]);
+    }
   }
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
@@ -79,12 +105,11 @@ JointSums sum_all(const JointSumsInput& in) {
   const Constants constants(in.samples);
   const std::size_t knots =
       static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
-  const std::size_t row_stride = kPerKnot * static_cast<std::size_t>(in.columns);
-  const std::size_t table_size = kPerKnot * knots;
-  std::vector<float> tables(kTables * table_size);
+  const std::size_t table_size =
+      kPerCell * static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
+  LargeVector<float> tables(kTables * table_size);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
-  const VF scale =
-      hn::Set(df, static_cast<float>(in.gradient_scale_hu_per_mm / in.samples.ct.step_hu()));
+  const Knots places(in);
   const VF background = hn::Set(df, constants.background);
   std::size_t inside = 0;
   Shares shares;
@@ -92,14 +117,14 @@ JointSums sum_all(const JointSumsInput& in) {
     const Cells cells = fetch<kMoved>(us, constants, s);
     const Sampled ct = interpolate(cells);
     inside += hn::CountTrue(df, cells.inside);
-    share(in, hn::IfThenElse(cells.inside, ct.value, background),
-          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)), scale,
+    share(places, hn::IfThenElse(cells.inside, ct.value, background),
+          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)),
           hn::LoadU(df, in.ultrasound + s), shares);
     for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
-      add(shares, lane, row_stride, tables.data() + (lane % kTables) * table_size);
-    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(tables, sums);
+      add(shares, lane, tables.data() + (lane % kTables) * table_size);
+    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(in, tables, sums);
   }
-  flush(tables, sums);
+  flush(in, tables, sums);
   sums.inside = static_cast<double>(inside);
   return sums;
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
+#include "us_ct_registration/error.h"
 #include "us_ct_registration/similarity/packed_ct.h"
 #include "us_ct_registration/similarity/patch_similarity.h"
 #include "us_ct_registration/similarity/ultrasound_patches.h"
@@ -35,9 +36,14 @@ inline double mean_of(const UltrasoundPatches& us) {
   return sum / static_cast<double>(us.count);
 }
 
+/// Throws InputError where the patches lack the beams that errors or channel need.
 inline PatchKernelInput kernel_input(const UltrasoundPatches& us, const PackedCt& ct,
                                      const Eigen::Isometry3d& T_ct_us,
                                      const AcquisitionErrors& errors, GradientChannel channel) {
+  if (!us.has_beams() && (is_moved(errors) || channel == GradientChannel::kAlongBeam))
+    throw InputError("ultrasound patches",
+                     "have no beams, must have them for acquisition errors "
+                     "and for gradients along beams");
   return {ct, us, ct.grid().T_index_physical() * T_ct_us, errors, channel};
 }
 

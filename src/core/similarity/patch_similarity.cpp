@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
+#include "parallel.h"
 #include "similarity/histogram_similarity.h"
 #include "similarity/patch_kernel.h"
 #include "simulation/require.h"
@@ -96,30 +98,47 @@ class LocalLc2 : public Similarity {
 
   SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
                            const AcquisitionErrors& errors) const override {
-    double value = 0.0;
-    const double inside =
-        for_parts(T_ct_us, errors, [&](std::size_t, double part) { value += part; });
+    std::vector<double> each(us_->patches.size());
+    const double inside = fill_parts(T_ct_us, errors, each);
     if (inside == 0.0) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
-    return {value, inside / static_cast<double>(us_->count)};
+    return {std::accumulate(each.begin(), each.end(), 0.0),
+            inside / static_cast<double>(us_->count)};
   }
 
   std::vector<double> parts(const Eigen::Isometry3d& T_ct_us,
                             const AcquisitionErrors& errors) const override {
     std::vector<double> result(us_->patches.size());
-    const double inside =
-        for_parts(T_ct_us, errors, [&](std::size_t p, double part) { result[p] = part; });
-    if (inside == 0.0)
+    if (fill_parts(T_ct_us, errors, result) == 0.0)
       std::fill(result.begin(), result.end(), std::numeric_limits<double>::quiet_NaN());
     return result;
   }
 
  private:
-  /// Calls use(patch, its contribution) in the order of the patches; returns how many samples lie
-  /// in the CT.
-  template <typename Use>
-  double for_parts(const Eigen::Isometry3d& T_ct_us, const AcquisitionErrors& errors,
-                   const Use& use) const {
+  /// What each patch contributes; returns how many samples lie in the CT. Shared between threads
+  /// where the caller's work is not.
+  double fill_parts(const Eigen::Isometry3d& T_ct_us, const AcquisitionErrors& errors,
+                    std::vector<double>& parts) const {
     const PatchKernelInput input = kernel_input(*us_, *ct_, T_ct_us, errors, options_.channel);
+    // Fewer are done before a thread has woken up.
+    constexpr std::size_t kAtOnce = 2 * kTile;
+    const std::size_t first = us_->first_single_block;
+    const std::size_t shares = (us_->blocks.size() - first + kAtOnce - 1) / kAtOnce;
+    std::vector<double> inside(shares + 1);
+    const auto share = [&](std::size_t i) {
+      const std::size_t begin = first + i * kAtOnce;
+      inside[i] =
+          fill_single(input, begin, std::min(us_->blocks.size(), begin + kAtOnce), parts.data());
+    };
+    inside[shares] = fill_long(input, parts.data());
+    if (shares == 1)
+      share(0);
+    else
+      parallel_for(static_cast<int>(shares), [&](int i) { share(static_cast<std::size_t>(i)); });
+    return std::accumulate(inside.begin(), inside.end(), 0.0);
+  }
+
+  /// The patches of several strands.
+  double fill_long(const PatchKernelInput& input, double* parts) const {
     double inside = 0.0;
     std::size_t p = 0;
     std::size_t strands = 0;  // of patch p so far
@@ -133,23 +152,29 @@ class LocalLc2 : public Similarity {
                    if (++strands < patch.strands()) continue;
                    moments.count = static_cast<double>(patch.count);
                    moments.uu = patch.square_sum;
-                   use(p, part_of(p, explained_share(moments, ridge_)));
+                   parts[p] = part_of(p, explained_share(moments, ridge_));
                    ++p;
                    strands = 0;
                    moments = {};
                  }
                });
+    return inside;
+  }
+
+  /// The patches of one strand in the blocks [first, last).
+  double fill_single(const PatchKernelInput& input, std::size_t first, std::size_t last,
+                     double* parts) const {
+    double inside = 0.0;
     const auto explained = options_.scalar ? explained_shares_scalar : explained_shares_simd;
-    for_blocks(input, options_.scalar, us_->first_single_block, us_->blocks.size(),
-               [&](std::size_t b, const StrandSums& sums) {
-                 inside += sum_of(sums.inside);
-                 const std::size_t start = (b - us_->first_single_block) * kLanes;
-                 std::array<double, kLanes> shares{};
-                 explained(sums, counts_.data() + start, square_sums_.data() + start, ridge_,
-                           shares.data());
-                 for (std::size_t lane = 0; lane < kLanes && p < us_->patches.size(); ++lane, ++p)
-                   use(p, part_of(p, shares[lane]));
-               });
+    for_blocks(input, options_.scalar, first, last, [&](std::size_t b, const StrandSums& sums) {
+      inside += sum_of(sums.inside);
+      const std::size_t start = (b - us_->first_single_block) * kLanes;
+      std::array<double, kLanes> shares{};
+      explained(sums, counts_.data() + start, square_sums_.data() + start, ridge_, shares.data());
+      std::size_t p = us_->first_single_patch + start;
+      for (std::size_t lane = 0; lane < kLanes && p < us_->patches.size(); ++lane, ++p)
+        parts[p] = part_of(p, shares[lane]);
+    });
     return inside;
   }
 

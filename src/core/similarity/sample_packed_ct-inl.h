@@ -22,9 +22,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 const hn::CappedTag<float, kLanes> df;
 const hn::RebindToSigned<decltype(df)> di;
 const hn::RebindToUnsigned<decltype(df)> du;
-const hn::Half<decltype(di)> di_half;
-const hn::RepartitionToWide<decltype(di)> di64;
-const hn::RepartitionToWide<decltype(du)> du64;
 using VF = hn::Vec<decltype(df)>;
 using VI = hn::Vec<decltype(di)>;
 using VU = hn::Vec<decltype(du)>;
@@ -39,19 +36,21 @@ struct Constants {
       cells[r] = static_cast<float>(in.ct.grid().size[r] - 1);
       per_mm[r] = static_cast<float>(1.0 / in.ct.grid().spacing_mm[r]);
     }
-    words = in.ct.cells().data();
-    stride_j = static_cast<std::int32_t>(in.ct.cell_stride_j());
+    pairs = in.ct.pairs().data();
+    stride_j = static_cast<std::int32_t>(in.ct.stride_j());
+    stride_k = in.ct.stride_k();
     rows = static_cast<float>(in.ct.grid().size.y() - 1);
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);
   }
-  const std::uint64_t* words;
+  const std::uint16_t* pairs;
   float m[3][3];
   float origin[3];
   float cells[3];
   float per_mm[3];
-  std::int32_t stride_j;  // cells per row
+  std::int32_t stride_j;  // pairs per row
+  std::size_t stride_k;   // and per slice
   float rows;             // per slice
   float background;
   float depth_error, sweep_error;
@@ -92,12 +91,18 @@ HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_
   z = moved(z, us.direction_z, us.sweep_z);
 }
 
-/// The corners of cells as bytes (k = 0 in `low`, 1 in `high`), and where in them samples lie.
+/// The corners of cells as bytes (k = 0 in `low`, 1 in `high`; their pairs at i, then at i + 1),
+/// and where in them samples lie.
 struct Cells {
   MF inside;
   VU low, high;
   VF ti, tj, tk;
 };
+
+/// Two pairs each, offsets in bytes.
+HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
+  return hn::GatherOffset(du, reinterpret_cast<const std::uint32_t*>(pairs), offsets);
+}
 
 template <bool kMoved>
 HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
@@ -118,16 +123,9 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   const VI row = whole(hn::MulAdd(fz, hn::Set(df, k.rows), fy));
   const VI cell = hn::IfThenElseZero(hn::RebindMask(di, inside),
                                      hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j))));
-  const auto first =
-      hn::GatherIndex(du64, k.words, hn::PromoteTo(di64, hn::LowerHalf(di_half, cell)));
-  const auto second =
-      hn::GatherIndex(du64, k.words, hn::PromoteTo(di64, hn::UpperHalf(di_half, cell)));
-  return {inside,
-          hn::ConcatEven(du, hn::BitCast(du, second), hn::BitCast(du, first)),
-          hn::ConcatOdd(du, hn::BitCast(du, second), hn::BitCast(du, first)),
-          hn::Sub(x, fx),
-          hn::Sub(y, fy),
-          hn::Sub(z, fz)};
+  const VI bytes = hn::ShiftLeft<1>(cell);
+  return {inside,         pairs_at(k.pairs, bytes), pairs_at(k.pairs + k.stride_k, bytes),
+          hn::Sub(x, fx), hn::Sub(y, fy),           hn::Sub(z, fz)};
 }
 
 /// Value, and gradient per voxel.
@@ -137,13 +135,13 @@ struct Sampled {
 
 HWY_INLINE Sampled interpolate(const Cells& c) {
   const VF c000 = byte_of<0>(c.low);
-  const VF c010 = byte_of<2>(c.low);
+  const VF c010 = byte_of<1>(c.low);
   const VF c001 = byte_of<0>(c.high);
-  const VF c011 = byte_of<2>(c.high);
+  const VF c011 = byte_of<1>(c.high);
   // Slopes along i on the four edges, then bilinearly between them.
-  const VF s00 = hn::Sub(byte_of<1>(c.low), c000);
+  const VF s00 = hn::Sub(byte_of<2>(c.low), c000);
   const VF s10 = hn::Sub(byte_of<3>(c.low), c010);
-  const VF s01 = hn::Sub(byte_of<1>(c.high), c001);
+  const VF s01 = hn::Sub(byte_of<2>(c.high), c001);
   const VF s11 = hn::Sub(byte_of<3>(c.high), c011);
   const VF e00 = hn::MulAdd(c.ti, s00, c000);
   const VF e10 = hn::MulAdd(c.ti, s10, c010);

@@ -29,16 +29,17 @@ class ScalarSampler {
   bool sample(std::size_t s, Sampled& ct) const {
     const UltrasoundPatches& us = in_.us;
     Vector3f p(us.x_mm[s], us.y_mm[s], us.z_mm[s]);
-    p += depth_error_ * us.depth_mm[s] * direction(s) +
-         sweep_error_ * Vector3f(us.sweep_x[s], us.sweep_y[s], us.sweep_z[s]);
+    if (is_moved(in_.errors))
+      p += depth_error_ * us.depth_mm[s] * direction(s) +
+           sweep_error_ * Vector3f(us.sweep_x[s], us.sweep_y[s], us.sweep_z[s]);
     const Vector3f index = M_ * p + origin_;
     if (!((index.array() >= 0.0F).all() && (index.array() < cells_.array()).all())) return false;
     const Vector3f corner = index.array().floor();
     const Eigen::Vector3i ijk = corner.cast<int>();
-    ct = interpolate(in_.ct.cells()[static_cast<std::size_t>(ijk.z()) * in_.ct.cell_stride_k() +
-                                    static_cast<std::size_t>(ijk.y()) * in_.ct.cell_stride_j() +
-                                    static_cast<std::size_t>(ijk.x())],
-                     index - corner);
+    const std::uint16_t* pairs =
+        in_.ct.pairs().data() + static_cast<std::size_t>(ijk.z()) * in_.ct.stride_k() +
+        static_cast<std::size_t>(ijk.y()) * in_.ct.stride_j() + static_cast<std::size_t>(ijk.x());
+    ct = interpolate(pairs, pairs + in_.ct.stride_k(), index - corner);
     return true;
   }
 
@@ -51,11 +52,16 @@ class ScalarSampler {
  private:
   static float lerp(float a, float b, float t) { return a + t * (b - a); }
 
-  /// Trilinear interpolation within a cell, and its derivative.
-  static Sampled interpolate(std::uint64_t cell, const Vector3f& t) {
+  /// Trilinear interpolation within a cell (pairs at k and k + 1), and its derivative.
+  static Sampled interpolate(const std::uint16_t* low, const std::uint16_t* high,
+                             const Vector3f& t) {
     float corner[2][2][2];  // k, j, i
-    for (int c = 0; c < 8; ++c)
-      corner[c >> 2][(c >> 1) & 1][c & 1] = static_cast<float>((cell >> (8 * c)) & 0xFF);
+    for (int k = 0; k < 2; ++k)
+      for (int i = 0; i < 2; ++i) {
+        const std::uint16_t pair = (k == 0 ? low : high)[i];
+        corner[k][0][i] = static_cast<float>(pair & 0xFF);
+        corner[k][1][i] = static_cast<float>(pair >> 8);
+      }
     float edge[2][2];
     float slope_i[2][2];
     for (int k = 0; k < 2; ++k)

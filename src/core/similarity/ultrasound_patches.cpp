@@ -104,8 +104,9 @@ Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
 
 class Cutter {
  public:
-  Cutter(const BeamUltrasound& ultrasound, const PatchOptions& options)
+  Cutter(const BeamUltrasound& ultrasound, const PatchOptions& options, PatchContents contents)
       : us_(ultrasound),
+        with_beams_(contents == PatchContents::kWithBeams),
         size_(patch_size(ultrasound.beams, options)),
         least_share_(options.least_share) {}
 
@@ -113,11 +114,7 @@ class Cutter {
     choose();
     lay_out();
     allocate();
-    const SweepMotion motion(us_.beams);
-    std::vector<Beam> motions;
-    motions.reserve(us_.beams.beams.size());
-    for (int f = 0; f < us_.beams.frames; ++f)
-      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back(motion(f, l));
+    const std::vector<Beam> motions = with_beams_ ? sweep_motions() : std::vector<Beam>{};
     constexpr std::size_t kAtOnce = 64;
     const std::size_t count = boxes_.size();
     parallel_for(static_cast<int>((count + kAtOnce - 1) / kAtOnce), [&](int part) {
@@ -136,6 +133,16 @@ class Cutter {
   std::size_t beam_index(int frame, int line) const {
     return static_cast<std::size_t>(frame) * static_cast<std::size_t>(us_.beams.lines) +
            static_cast<std::size_t>(line);
+  }
+
+  /// Of all beams.
+  std::vector<Beam> sweep_motions() const {
+    const SweepMotion motion(us_.beams);
+    std::vector<Beam> motions;
+    motions.reserve(us_.beams.beams.size());
+    for (int f = 0; f < us_.beams.frames; ++f)
+      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back(motion(f, l));
+    return motions;
   }
 
   /// Calls visit(beam, sample, offset) for what is known.
@@ -224,9 +231,10 @@ class Cutter {
   void allocate() {
     for (auto* values : {&result_.x_mm, &result_.y_mm, &result_.z_mm})
       values->assign(size_in_memory_, UltrasoundPatches::kNowhere);
-    for (auto* values :
-         {&result_.direction_x, &result_.direction_y, &result_.direction_z, &result_.sweep_x,
-          &result_.sweep_y, &result_.sweep_z, &result_.depth_mm, &result_.value})
+    result_.value.assign(size_in_memory_, 0.0F);
+    if (!with_beams_) return;
+    for (auto* values : {&result_.direction_x, &result_.direction_y, &result_.direction_z,
+                         &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm})
       values->assign(size_in_memory_, 0.0F);
   }
 
@@ -246,27 +254,35 @@ class Cutter {
       const std::size_t lane = patch.first_strand + strand;
       const std::size_t place =
           result_.blocks[lane / kLanes].begin + (i - first) * kLanes + lane % kLanes;
-      put(place, us_.beams.beams[beam], motions[beam], us_.beams.axial.depth_mm(sample));
+      const double depth_mm = us_.beams.axial.depth_mm(sample);
+      put_position(place, us_.beams.beams[beam], depth_mm);
+      if (with_beams_) put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
       result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
       ++i;
     });
   }
 
-  void put(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
-    const auto set = [place](const Vector3d& vector, LargeVector<float>& x, LargeVector<float>& y,
-                             LargeVector<float>& z) {
-      x[place] = static_cast<float>(vector.x());
-      y[place] = static_cast<float>(vector.y());
-      z[place] = static_cast<float>(vector.z());
-    };
-    set(beam.origin_mm + depth_mm * beam.direction, result_.x_mm, result_.y_mm, result_.z_mm);
-    set(beam.direction, result_.direction_x, result_.direction_y, result_.direction_z);
-    set(motion.origin_mm + depth_mm * motion.direction, result_.sweep_x, result_.sweep_y,
+  static void set(const Vector3d& vector, std::size_t place, LargeVector<float>& x,
+                  LargeVector<float>& y, LargeVector<float>& z) {
+    x[place] = static_cast<float>(vector.x());
+    y[place] = static_cast<float>(vector.y());
+    z[place] = static_cast<float>(vector.z());
+  }
+
+  void put_position(std::size_t place, const Beam& beam, double depth_mm) {
+    set(beam.origin_mm + depth_mm * beam.direction, place, result_.x_mm, result_.y_mm,
+        result_.z_mm);
+  }
+
+  void put_beam(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
+    set(beam.direction, place, result_.direction_x, result_.direction_y, result_.direction_z);
+    set(motion.origin_mm + depth_mm * motion.direction, place, result_.sweep_x, result_.sweep_y,
         result_.sweep_z);
     result_.depth_mm[place] = static_cast<float>(depth_mm);
   }
 
   const BeamUltrasound& us_;
+  bool with_beams_;
   Vector3i size_;
   double least_share_;
   std::vector<Box> boxes_;
@@ -284,10 +300,11 @@ void PatchOptions::validate(const std::string& source) const {
           "within (0, 1]");
 }
 
-UltrasoundPatches cut_into_patches(const BeamUltrasound& ultrasound, const PatchOptions& options) {
+UltrasoundPatches cut_into_patches(const BeamUltrasound& ultrasound, const PatchOptions& options,
+                                   PatchContents contents) {
   ultrasound.validate();
   options.validate();
-  return Cutter(ultrasound, options).run();
+  return Cutter(ultrasound, options, contents).run();
 }
 
 }  // namespace usct

@@ -119,8 +119,8 @@ void BeamUltrasound::validate(const std::string& source) const {
   require(known.empty() || known.size() == count, source, "known",
           static_cast<double>(known.size()), "empty or one value per sample of the beam grid");
   for (std::size_t i = 0; i < count; ++i)
-    if (known.empty() || known[i] != 0)
-      require(std::isfinite(brightness[i]), source, "brightness", brightness[i], "finite");
+    if (!std::isfinite(brightness[i]) && (known.empty() || known[i] != 0))
+      require(false, source, "brightness", brightness[i], "finite");
 }
 
 BeamUltrasound along_beams(const PreScanVolume& volume) {

@@ -4,30 +4,10 @@
 #include <cmath>
 
 #include "parallel.h"
+#include "volume/combine_rows.h"
 
 namespace usct {
 namespace {
-
-/// Float rows of a box of the input: index (i, j, k) of the volume is at
-/// values[((k - begin.z) * size.y + (j - begin.y)) * size.x + (i - begin.x)].
-struct Box {
-  Eigen::Vector3i begin;
-  Eigen::Vector3i size;
-  std::vector<float> values;
-
-  Box(const Eigen::Vector3i& begin_in, const Eigen::Vector3i& size_in)
-      : begin(begin_in),
-        size(size_in),
-        values(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) *
-               static_cast<std::size_t>(size.z())) {}
-
-  float* row(int j, int k) {
-    return values.data() + (static_cast<std::size_t>(k) * static_cast<std::size_t>(size.y()) +
-                            static_cast<std::size_t>(j)) *
-                               static_cast<std::size_t>(size.x());
-  }
-  const float* row(int j, int k) const { return const_cast<Box*>(this)->row(j, k); }
-};
 
 /// Input indices along one axis that `count` outputs read, after clamping to [0, size).
 struct Range {
@@ -42,74 +22,50 @@ Range input_range(const AxisFilter& filter, int begin, int count, int size) {
   return {std::clamp(first, 0, size - 1), std::clamp(last, 0, size - 1) + 1};
 }
 
-/// One output row along x from a row of the volume.
-template <typename T>
-void filter_row(const T* in, int in_size, const AxisFilter& filter, int begin, float* out,
-                int count) {
-  const int taps = static_cast<int>(filter.weights.size());
-  const auto clamped_sum = [&](int o) {
-    float sum = 0.0F;
-    for (int t = 0; t < taps; ++t)
-      sum += filter.weights[static_cast<std::size_t>(t)] *
-             static_cast<float>(
-                 in[std::clamp(begin + o * filter.stride + filter.first + t, 0, in_size - 1)]);
-    return sum;
-  };
-  // Outputs in [inner, inner_end) read no voxel beyond the edges; there the loop over outputs is
-  // the inner one, which the compiler can turn into vector instructions.
-  const int reach = begin + filter.first;
-  const int inner = std::clamp((-reach + filter.stride - 1) / filter.stride, 0, count);
-  const int room = in_size - taps - reach;
-  const int inner_end = std::clamp(room < 0 ? 0 : room / filter.stride + 1, inner, count);
-  for (int o = 0; o < inner; ++o) out[o] = clamped_sum(o);
-  for (int o = inner_end; o < count; ++o) out[o] = clamped_sum(o);
-  std::fill(out + inner, out + inner_end, 0.0F);
-  for (int t = 0; t < taps; ++t) {
-    const float weight = filter.weights[static_cast<std::size_t>(t)];
-    const T* from = in + reach + t;
-    for (int o = inner; o < inner_end; ++o)
-      out[o] += weight * static_cast<float>(from[o * filter.stride]);
+/// The input index that tap `t` of output `o` reads.
+int source(const AxisFilter& filter, int begin, int o, std::size_t t, int size) {
+  return std::clamp(begin + o * filter.stride + filter.first + static_cast<int>(t), 0, size - 1);
+}
+
+/// Along x: a row of the volume, whose voxels from index `row_begin` on are `row`, becomes `count`
+/// outputs.
+class RowFilter {
+ public:
+  RowFilter(const AxisFilter& filter, int begin, int count, int row_begin, int row_end)
+      : filter_(filter),
+        first_(begin + filter.first),
+        count_(static_cast<std::size_t>(count)),
+        row_begin_(row_begin),
+        last_(row_end - 1),
+        stride_(static_cast<std::size_t>(filter.stride)) {
+    const std::size_t taps = filter.weights.size();
+    // What belongs to the same place of a stride lies side by side.
+    const std::size_t per_place = count_ + (taps - 1) / stride_;
+    values_.resize(per_place * stride_);
+    for (std::size_t t = 0; t < taps; ++t)
+      rows_.push_back(values_.data() + t % stride_ * per_place + t / stride_);
   }
-}
 
-void add_scaled_row(const float* in, float weight, float* out, int count) {
-  for (int i = 0; i < count; ++i) out[i] += weight * in[i];
-}
+  void operator()(const float* row, float* out) {
+    float* place = values_.data();
+    const std::size_t per_place = values_.size() / stride_;
+    for (std::size_t p = 0; p < stride_; ++p, place += per_place)
+      for (std::size_t i = 0; i < per_place; ++i)
+        place[i] =
+            row[std::min(std::max(first_ + static_cast<int>(i * stride_ + p), row_begin_), last_) -
+                row_begin_];
+    combine_rows(rows_.data(), filter_.weights.data(), rows_.size(), count_, out);
+  }
 
-template <typename T>
-Box filter_x(const Volume<T>& volume, const AxisFilter& filter, int begin, int count, Range y,
-             Range z) {
-  Box out({0, y.begin, z.begin}, {count, y.end - y.begin, z.end - z.begin});
-  parallel_for(out.size.z(), [&](int k) {
-    for (int j = 0; j < out.size.y(); ++j)
-      filter_row(&volume.at(0, y.begin + j, z.begin + k), volume.grid.size.x(), filter, begin,
-                 out.row(j, k), count);
-  });
-  return out;
-}
-
-/// Along y (axis 1) or z (axis 2), whole rows at a time.
-Box filter_rows(const Box& in, int axis, const AxisFilter& filter, int begin, int count,
-                int volume_size) {
-  Eigen::Vector3i out_begin = in.begin;
-  Eigen::Vector3i out_size = in.size;
-  out_begin[axis] = 0;
-  out_size[axis] = count;
-  Box out(out_begin, out_size);
-  const int taps = static_cast<int>(filter.weights.size());
-  parallel_for(out.size.z(), [&](int k) {
-    for (int j = 0; j < out.size.y(); ++j) {
-      const int first = begin + (axis == 1 ? j : k) * filter.stride + filter.first;
-      for (int t = 0; t < taps; ++t) {
-        const int index = std::clamp(first + t, 0, volume_size - 1) - in.begin[axis];
-        const float* row = axis == 1 ? in.row(index, k) : in.row(j, index);
-        add_scaled_row(row, filter.weights[static_cast<std::size_t>(t)], out.row(j, k),
-                       out.size.x());
-      }
-    }
-  });
-  return out;
-}
+ private:
+  const AxisFilter& filter_;
+  int first_;
+  std::size_t count_;
+  int row_begin_, last_;
+  std::size_t stride_;
+  std::vector<float> values_;
+  std::vector<const float*> rows_;
+};
 
 }  // namespace
 
@@ -136,11 +92,44 @@ std::vector<float> apply_separable(const Volume<T>& volume,
                                    const std::array<AxisFilter, 3>& filters,
                                    const Eigen::Vector3i& begin, const Eigen::Vector3i& out_size) {
   const Eigen::Vector3i& size = volume.grid.size;
+  const Range x = input_range(filters[0], begin.x(), out_size.x(), size.x());
   const Range y = input_range(filters[1], begin.y(), out_size.y(), size.y());
-  const Range z = input_range(filters[2], begin.z(), out_size.z(), size.z());
-  const Box along_x = filter_x(volume, filters[0], begin.x(), out_size.x(), y, z);
-  const Box along_y = filter_rows(along_x, 1, filters[1], begin.y(), out_size.y(), size.y());
-  return filter_rows(along_y, 2, filters[2], begin.z(), out_size.z(), size.z()).values;
+  const auto row_size = static_cast<std::size_t>(x.end - x.begin);
+  const auto out_row_size = static_cast<std::size_t>(out_size.x());
+  const auto out_rows = static_cast<std::size_t>(out_size.y());
+  std::vector<float> result(out_row_size * out_rows * static_cast<std::size_t>(out_size.z()));
+  // Slice by slice, along z first: one slice at a time stays in the cache, and what decimation
+  // throws away is gone before the axis whose voxels do not lie side by side.
+  const auto filter_slice = [&](int k, std::vector<float>& slice, std::vector<float>& row,
+                                RowFilter& along_x) {
+    std::vector<const T*> voxels(filters[2].weights.size());
+    for (int j = y.begin; j < y.end; ++j) {
+      for (std::size_t t = 0; t < voxels.size(); ++t)
+        voxels[t] = &volume.at(x.begin, j, source(filters[2], begin.z(), k, t, size.z()));
+      combine_rows(voxels.data(), filters[2].weights.data(), voxels.size(), row_size,
+                   slice.data() + static_cast<std::size_t>(j - y.begin) * row_size);
+    }
+    std::vector<const float*> rows(filters[1].weights.size());
+    for (int j = 0; j < out_size.y(); ++j) {
+      for (std::size_t t = 0; t < rows.size(); ++t)
+        rows[t] = slice.data() + static_cast<std::size_t>(
+                                     source(filters[1], begin.y(), j, t, size.y()) - y.begin) *
+                                     row_size;
+      combine_rows(rows.data(), filters[1].weights.data(), rows.size(), row_size, row.data());
+      along_x(row.data(), result.data() + (static_cast<std::size_t>(k) * out_rows +
+                                           static_cast<std::size_t>(j)) *
+                                              out_row_size);
+    }
+  };
+  constexpr int kAtOnce = 4;  // slices that share the memory for one
+  parallel_for((out_size.z() + kAtOnce - 1) / kAtOnce, [&](int part) {
+    std::vector<float> slice(row_size * static_cast<std::size_t>(y.end - y.begin));
+    std::vector<float> row(row_size);
+    RowFilter along_x(filters[0], begin.x(), out_size.x(), x.begin, x.end);
+    for (int k = part * kAtOnce; k < std::min(out_size.z(), (part + 1) * kAtOnce); ++k)
+      filter_slice(k, slice, row, along_x);
+  });
+  return result;
 }
 
 #define USCT_INSTANTIATE(T)                                                                       \

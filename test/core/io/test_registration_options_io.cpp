@@ -152,19 +152,17 @@ void randomise(FitOptions& o) {
   min_overlap = between(0, 1);
 }
 void randomise(ConfidenceOptions& o) {
-  auto& [min_overlap, background, background_mm, significance, confirmation_similarity,
-         confirmation, margin, disagreement, displacement, expected, sure, factor, systematic] = o;
+  auto& [min_overlap, background, background_mm, significance, margin, disagreement, displacement,
+         confirmation, scatter, factor, systematic] = o;
   min_overlap = between(0, 1);
   background = any_int(16, 500);
   background_mm = between(1, 50);
   significance = between(-9, 99);
-  randomise(confirmation_similarity);
-  confirmation = between(-9, 99);
   margin = between(0, 1);
   disagreement = between(0, 9);
   displacement = any_bool() ? std::numeric_limits<double>::infinity() : between(1, 99);
-  expected = between(0, 9);
-  sure = between(0, 99);
+  randomise(confirmation);
+  scatter = between(0, 9);
   factor = between(0.1, 9);
   systematic = between(0, 3);
 }
@@ -270,11 +268,9 @@ bool same(const FitOptions& a, const FitOptions& b) {
 bool same(const ConfidenceOptions& a, const ConfidenceOptions& b) {
   return a.min_overlap == b.min_overlap && a.background == b.background &&
          a.background_mm == b.background_mm && a.min_significance == b.min_significance &&
-         same(a.confirmation, b.confirmation) && a.min_confirmation == b.min_confirmation &&
          a.min_margin == b.min_margin && a.max_disagreement_mm == b.max_disagreement_mm &&
-         a.max_displacement_mm == b.max_displacement_mm &&
-         a.max_expected_error_mm == b.max_expected_error_mm &&
-         a.sure_significance == b.sure_significance && a.deviation_factor == b.deviation_factor &&
+         a.max_displacement_mm == b.max_displacement_mm && same(a.confirmation, b.confirmation) &&
+         a.max_scatter_mm == b.max_scatter_mm && a.deviation_factor == b.deviation_factor &&
          a.systematic_mm == b.systematic_mm;
 }
 bool same(const RegistrationOptions& a, const RegistrationOptions& b) {

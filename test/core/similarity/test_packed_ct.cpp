@@ -10,16 +10,17 @@ namespace {
 /// Trilinear interpolation of the bytes of the cell about an index, HU.
 double from_cell(const PackedCt& ct, const Eigen::Vector3d& index) {
   const Eigen::Vector3i cell = index.array().floor().cast<int>();
-  const std::uint64_t word = ct.cells()[static_cast<std::size_t>(cell.z()) * ct.cell_stride_k() +
-                                        static_cast<std::size_t>(cell.y()) * ct.cell_stride_j() +
-                                        static_cast<std::size_t>(cell.x())];
   const Eigen::Vector3d t = index - cell.cast<double>();
   double value = 0.0;
   for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3i step(corner & 1, (corner >> 1) & 1, corner >> 2);
     double weight = 1.0;
-    for (int axis = 0; axis < 3; ++axis)
-      weight *= ((corner >> axis) & 1) != 0 ? t[axis] : 1.0 - t[axis];
-    value += weight * static_cast<double>((word >> (8 * corner)) & 0xFF);
+    for (int axis = 0; axis < 3; ++axis) weight *= step[axis] != 0 ? t[axis] : 1.0 - t[axis];
+    const std::uint16_t pair =
+        ct.pairs()[static_cast<std::size_t>(cell.z() + step.z()) * ct.stride_k() +
+                   static_cast<std::size_t>(cell.y()) * ct.stride_j() +
+                   static_cast<std::size_t>(cell.x() + step.x())];
+    value += weight * static_cast<double>(step.y() != 0 ? pair >> 8 : pair & 0xFF);
   }
   return kWindow.low_hu + ct.step_hu() * value;
 }
@@ -45,7 +46,7 @@ TEST(PackedCt, WholeStepsAndTheBackgroundAreExact) {
   const PackedCt packed(ct, kWindow, kBackgroundHu);
   EXPECT_EQ(packed.step_hu(), 2.0);
   EXPECT_EQ(packed.background(), 95.0);
-  EXPECT_EQ(packed.cells().size(), 6U * 5U * 4U);
+  EXPECT_EQ(packed.pairs().size(), 7U * 5U * 5U);
   for (int k = 0; k < 4; ++k)
     for (int j = 0; j < 5; ++j)
       for (int i = 0; i < 6; ++i)

@@ -196,6 +196,23 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
 }
 
+/// Faster than tf, more than are kept: those that wait longest still become ready.
+TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
+  options_.tf_timeout_s = 600.0;
+  options_.ultrasound_volumes = 2;
+  volumes_.emplace(with_tf_, options_, [] {});
+  for (int i = 0; i < 20; ++i) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100.0 + 0.01 * i)));
+    EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted
+  }
+  know(99.0, 0.0);
+  know(100.115, 0.0);  // with the window, all that there is to know of the first two
+  while (volumes().ready_ultrasound().number < 2) std::this_thread::yield();
+  EXPECT_NEAR(volumes().ready_ultrasound().stamp.toSec(), 100.01, 1e-6);
+  know(102.0, 0.0);
+  EXPECT_NEAR(newest_s(), 100.19, 1e-6);
+}
+
 TEST_F(HeldVolumesWithTf, WaitEndsWhenCancelled) {
   options_.tf_timeout_s = 600.0;
   volumes_.emplace(with_tf_, options_, [] {});

@@ -319,6 +319,18 @@ TEST(SweepAssembler, LagShiftsPosesAndStamps) {
   EXPECT_NEAR((stream.ended[1].volume->header.stamp - ::ros::Time(109.75)).toSec(), 0.0, 1e-8);
 }
 
+TEST(SweepAssembler, OneImageAllAlongIsRefused) {
+  AssemblyOptions options;
+  options.image_lag_s = 0.25;
+  Stream stream(options);
+  std::vector<msg::PreScanFrame> frames = frames_of_sweep(tracked(8, 100.0));
+  for (msg::PreScanFrame& frame : frames) frame.data = frames[0].data;
+  stream.send(frames);
+  ASSERT_EQ(stream.ended.size(), 1u);
+  EXPECT_FALSE(stream.ended[0].volume);
+  EXPECT_THAT(stream.ended[0].message, HasSubstr("no image changes"));
+}
+
 TEST(SweepAssembler, PosesOfTfCountAndFramesWithoutAreMissing) {
   Stream stream;
   std::vector<msg::PreScanFrame> frames = frames_of_sweep(tracked(10, 100.0));
