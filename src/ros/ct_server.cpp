@@ -181,7 +181,7 @@ std::uint32_t CtServer::next_revision() {
 void CtServer::hold(const Loaded& loaded) {
   const std::uint32_t revision = next_revision();
   std_msgs::Header header;
-  // Simulated time that has not begun yet is 0, which is no stamp: the CT was there before all else.
+  // Simulated time that has not begun is 0, which is no stamp: the CT was there before all else.
   header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
   header.frame_id = ct_frame_;
   const auto volume =
