@@ -32,8 +32,6 @@ foreach(folder ${test_folders})
   endif()
 endforeach()
 
-# test_ros sees src/core, as all tests do, and src, as src/ros does.
-#catkin_lint: ignore ambiguous_include_path
 # The ROS interface: test/ros/unit needs no master (one executable, test_ros); each NAME.test beside it
 # launches nodes, with its own test program NAME.cpp if there is one.
 if(NOT USCT_CORE_ONLY)
