@@ -134,13 +134,14 @@ class System:
             self.stop(name)
 
     def start_master(self):
-        self.start("master", "roscore", "-p", str(self.port))
+        # Not roscore, which is a parent of the master: killed, it would leave it behind.
+        self.start("master", "rosmaster", "--core", "-p", str(self.port))
         wait_for(lambda: subprocess.run(["rosparam", "list"], env=self.environment, capture_output=True).returncode == 0,
                  "the master")
         run(["rosparam", "set", "use_sim_time", "true"], self.environment)
 
     def start_nodes(self, *arguments):
-        self.start("nodes", "roslaunch", "--wait", PACKAGE, "registration.launch", "fixed_frame:=patient", "policy:=auto",
+        self.start("nodes", "roslaunch", PACKAGE, "registration.launch", "fixed_frame:=patient", "policy:=auto",
                    "preset:=phantom", "respawn:=true", f"ct:={self.acquisition.ct}",
                    f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
 
