@@ -76,13 +76,13 @@ class TestTwoMachines(unittest.TestCase):
         return run(machine.command(*command), machine.environment(self.folder, self.robot))
 
     def test_ultrasound_from_the_robot_is_registered_on_the_workstation(self):
-        self.start("master", self.robot, "rosmaster", "--core", "-p", PORT)
+        self.start("master", self.robot, "roscore", "-p", PORT)
         wait_for(lambda: subprocess.run(self.workstation.command("rosparam", "set", "use_sim_time", "true"),
                                         env=self.workstation.environment(self.folder, self.robot),
                                         capture_output=True).returncode == 0, "the master, from the workstation")
-        self.start("robot", self.robot, "roslaunch", PACKAGE, "robot.launch", "fixed_frame:=patient",
+        self.start("robot", self.robot, "roslaunch", "--wait", PACKAGE, "robot.launch", "fixed_frame:=patient",
                    "policy:=auto")
-        self.start("workstation", self.workstation, "roslaunch", PACKAGE, "workstation.launch",
+        self.start("workstation", self.workstation, "roslaunch", "--wait", PACKAGE, "workstation.launch",
                    "fixed_frame:=patient", "preset:=phantom", f"ct:={self.acquisition.ct}")
         self.run_on(self.robot, *CLIENT, "ready")
         self.start("player", self.robot, "rosbag", "play", "--clock", "--keep-alive", "--quiet",
