@@ -278,7 +278,7 @@ TEST(AcquisitionBag, MotorisedSweepsComeBackBitByBit) {
   const ReadBack found = read_back(folder.path() / "a.bag");
   EXPECT_THAT(found.warnings, testing::IsEmpty());
   ASSERT_EQ(found.volumes.size(), 2u);
-  const auto& written = std::get<MotorSweep>(motorised().geometry.motion);
+  const auto written = std::get<MotorSweep>(motorised().geometry.motion);
   for (const PreScanVolume& volume : found.volumes) {
     EXPECT_EQ(volume.voxels, motorised().voxels);
     EXPECT_EQ(std::get<MotorSweep>(volume.geometry.motion).frame_angles_rad,
@@ -288,7 +288,7 @@ TEST(AcquisitionBag, MotorisedSweepsComeBackBitByBit) {
 
 TEST(AcquisitionBag, TrackedSweepsComeBackFromFramesAndFromTf) {
   const TemporaryFolder folder;
-  const auto& written = std::get<TrackedSweep>(tracked().geometry.motion);
+  const auto written = std::get<TrackedSweep>(tracked().geometry.motion);
   for (const bool in_tf : {false, true}) {
     BagOptions options = options_at(100.0);
     options.poses_in_tf = in_tf;
