@@ -10,15 +10,15 @@ PACKAGE = "us_ct_registration"
 LIMIT_S = 60.0
 
 
-def wait_for(condition, what):
-    """The first true value of condition(); fails after LIMIT_S."""
-    end = time.monotonic() + LIMIT_S
+def wait_for(condition, what, limit_s=LIMIT_S):
+    """The first true value of condition(); fails after limit_s."""
+    end = time.monotonic() + limit_s
     while time.monotonic() < end:
         value = condition()
         if value:
             return value
         time.sleep(0.02)
-    raise AssertionError(f"waited {LIMIT_S:.0f} s for {what}")
+    raise AssertionError(f"waited {limit_s:.0f} s for {what}")
 
 
 class Process:

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The whole system from outside: a bag of files, replayed on simulated time through all nodes, registered by an empty
 call, the CT looked up in tf by another process; through restarts of every node and of the master."""
+import functools
 import json
 import os
 import pathlib
@@ -11,12 +12,13 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
 import rosunit
 
-PACKAGE = "us_ct_registration"
+import node_under_test
+from node_under_test import PACKAGE
+
 PROJECT = pathlib.Path(__file__).resolve().parents[2]
 CLIENT = [sys.executable, str(PROJECT / "scripts/demo_client.py")]
 LIMIT_S = 180.0
@@ -24,15 +26,7 @@ NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")
 # In the fixed frame; the patient was turned and moved in between.
 POSES = ("-1.4 0.1 0.3 420 -130 250", "-1.38 0.12 0.28 424 -127 247")
 
-
-def wait_for(condition, what):
-    end = time.monotonic() + LIMIT_S
-    while time.monotonic() < end:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"waited {LIMIT_S:.0f} s for {what}")
+wait_for = functools.partial(node_under_test.wait_for, limit_s=LIMIT_S)
 
 
 def run(command, environment, succeeds=True):
