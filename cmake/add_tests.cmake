@@ -36,6 +36,10 @@ endforeach()
 # launches nodes, with its own test program NAME.cpp if there is one.
 if(NOT USCT_CORE_ONLY)
   find_package(rostest REQUIRED)
+  # catkin fixes the tests' environment while it configures and leaves out folders that do not exist yet: without
+  # this, the tests of a first build would not find the messages' Python modules.
+  file(MAKE_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION})
+  safe_execute_process(COMMAND ${GENERATE_ENVIRONMENT_CACHE_COMMAND})
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/unit/*.cpp)
   usct_add_gtest(test_ros ${sources})
   target_link_libraries(test_ros ${PROJECT_NAME}_ros gmock)
