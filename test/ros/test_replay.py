@@ -25,6 +25,8 @@ LIMIT_S = 180.0
 NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")
 # In the fixed frame; the patient was turned and moved in between.
 POSES = ("-1.4 0.1 0.3 420 -130 250", "-1.38 0.12 0.28 424 -127 247")
+# A kidney phantom in agar, small enough for tests.
+AGAR = ("--scene", "agar", "--seed", "3", "--size", "120", "64", "41")
 
 wait_for = functools.partial(node_under_test.wait_for, limit_s=LIMIT_S)
 
@@ -59,30 +61,12 @@ def pids_of_node(name, environment):
     return found
 
 
-class Acquisition:
-    """A phantom, and bags of it, each later than the one before: ultrasound that is older than the CT is refused."""
+class Recording:
+    """Bags of a file of ultrasound, each later than the one before: ultrasound that is older than the CT is refused."""
 
-    def __init__(self, folder):
-        self.case = folder / "case"
-        run([usct(), "phantom", "--scene", "agar", "--seed", "3", "--output", str(self.case), "--quiet",
-             "--size", "120", "64", "41"], None)
-        self.ct = self.case / "ct.nrrd"
-        # 9 mm off.
-        numbers = (self.case / "truth.tfm").read_text()
-        start = re.sub(r"^Parameters: (.*)$", lambda line: "Parameters: " + self._shifted(line.group(1)), numbers,
-                       flags=re.M)
-        (self.case / "start.tfm").write_text(start)
-        self.initial = self.case / "initial.json"
-        self.initial.write_text(run([usct(), "info", "--json", str(self.case / "start.tfm")], None))
-        self.folder = folder
+    def __init__(self, folder, ct, *bag_options):
+        self.folder, self.ct, self.bag_options = folder, ct, bag_options
         self.start_s = 0
-
-    @staticmethod
-    def _shifted(parameters):
-        numbers = [float(x) for x in parameters.split()]
-        for i in (9, 10, 11):
-            numbers[i] += 5.0
-        return " ".join(map(repr, numbers))
 
     def next_bag(self, pose):
         """The probe at POSES[pose], 1000 s after the bag before."""
@@ -91,10 +75,38 @@ class Acquisition:
         file.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n"
                         f"Parameters: {POSES[pose]}\nFixedParameters: 0 0 0 0\n")
         bag = self.folder / f"{self.start_s}.bag"
-        run([usct(), "bag", "write", "--us", str(self.case / "us.nrrd"), "--fixed-pose", str(file), "--truth",
-             str(self.case / "truth.tfm"), "--start", str(self.start_s), "--frame-rate", "40", "--pause", "60", "--output",
-             str(bag)], None)
+        run([usct(), "bag", "write", *map(str, self.bag_options), "--fixed-pose", str(file), "--start",
+             str(self.start_s), "--frame-rate", "40", "--pause", "60", "--output", str(bag)], None)
         return bag
+
+
+class Acquisition(Recording):
+    """A phantom, from which one starts off by shift_mm along each axis."""
+
+    def __init__(self, folder, phantom=AGAR, shift_mm=5.0, ct=None):
+        self.case = folder / "case"
+        run([usct(), "phantom", "--output", str(self.case), "--quiet", *map(str, phantom)], None)
+        super().__init__(folder, ct or self.case / "ct.nrrd", "--us", self.case / "us.nrrd", "--truth",
+                         self.case / "truth.tfm")
+        numbers = (self.case / "truth.tfm").read_text()
+        start = re.sub(r"^Parameters: (.*)$", lambda line: "Parameters: " + shifted(line.group(1), shift_mm), numbers,
+                       flags=re.M)
+        (self.case / "start.tfm").write_text(start)
+        self.initial = initial_of(self.case / "start.tfm")
+
+
+def initial_of(transform):
+    """An ITK transform as demo_client.py takes it."""
+    initial = transform.with_suffix(".json")
+    initial.write_text(run([usct(), "info", "--json", str(transform)], None))
+    return initial
+
+
+def shifted(parameters, shift_mm):
+    numbers = [float(x) for x in parameters.split()]
+    for i in (9, 10, 11):
+        numbers[i] += shift_mm
+    return " ".join(map(repr, numbers))
 
 
 class System:

@@ -57,6 +57,9 @@ struct SimilarityOptions {
   GradientChannel channel = GradientChannel::kMagnitude;
   PatchOptions patches;
   PatchWeighting weighting = PatchWeighting::kDeviation;
+  /// Of kLocalLc2: the probe presses what is near, and the wall slides over the organs, so patches
+  /// at a depth of d mm weigh d^2 / (d^2 + pressed_mm^2) of that; [0, 200], 0: all of it.
+  double pressed_mm = 0.0;
   /// Ridge of LC2: a patch whose CT values deviate by this much, or less, explains little. Without
   /// it noise and faint structure explain as much as an edge. 0: none.
   double ridge_intensity_hu = 20.0;

@@ -52,6 +52,7 @@ struct UltrasoundPatches {
     std::size_t count = 0;    // samples that count
     double mean = 0.0;        // of the ultrasound in it
     double square_sum = 0.0;  // of the ultrasound minus its mean
+    double depth_mm = 0.0;    // of its samples, on average
     std::size_t first_strand = 0;
     std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
   };

@@ -176,6 +176,7 @@ void describe(Fields& fields, SimilarityOptions& o) {
   fields("channel", o.channel);
   fields("patches", o.patches);
   fields("weighting", o.weighting);
+  fields("pressed_mm", o.pressed_mm);
   fields("ridge_intensity_hu", o.ridge_intensity_hu);
   fields("ridge_gradient_hu_per_mm", o.ridge_gradient_hu_per_mm);
   fields("positive_gradient", o.positive_gradient);

@@ -63,7 +63,7 @@ Lc2Ridge ridge_of(const SimilarityOptions& options, const PackedCt& ct) {
           options.ridge_gradient_hu_per_mm / ct.step_hu(), options.positive_gradient};
 }
 
-double weight_of(const UltrasoundPatches::Patch& patch, PatchWeighting weighting) {
+double structure_in(const UltrasoundPatches::Patch& patch, PatchWeighting weighting) {
   const auto count = static_cast<double>(patch.count);
   switch (weighting) {
     case PatchWeighting::kCount:
@@ -76,6 +76,13 @@ double weight_of(const UltrasoundPatches::Patch& patch, PatchWeighting weighting
   return 0.0;
 }
 
+double weight_of(const UltrasoundPatches::Patch& patch, const SimilarityOptions& options) {
+  const double structure = structure_in(patch, options.weighting);
+  if (options.pressed_mm == 0.0) return structure;
+  const double depth = patch.depth_mm / options.pressed_mm;
+  return structure * depth * depth / (depth * depth + 1.0);
+}
+
 class LocalLc2 : public Similarity {
  public:
   LocalLc2(std::shared_ptr<const UltrasoundPatches> us, std::shared_ptr<const PackedCt> ct,
@@ -83,7 +90,7 @@ class LocalLc2 : public Similarity {
       : us_(std::move(us)), ct_(std::move(ct)), options_(options), ridge_(ridge_of(options, *ct_)) {
     double sum = 0.0;
     for (const UltrasoundPatches::Patch& patch : us_->patches) {
-      weights_.push_back(weight_of(patch, options.weighting));
+      weights_.push_back(weight_of(patch, options));
       sum += weights_.back();
     }
     for (double& weight : weights_) weight /= sum;
@@ -259,6 +266,8 @@ void SimilarityOptions::validate(const std::string& source) const {
           "ridge_intensity_hu", ridge_intensity_hu, "finite and >= 0");
   require(std::isfinite(ridge_gradient_hu_per_mm) && ridge_gradient_hu_per_mm >= 0.0, source,
           "ridge_gradient_hu_per_mm", ridge_gradient_hu_per_mm, "finite and >= 0");
+  require(pressed_mm >= 0.0 && pressed_mm <= 200.0, source, "pressed_mm", pressed_mm,
+          "within [0, 200]");
   require(power >= 0.25 && power <= 8.0, source, "power", power, "within [0.25, 8]");
   require(gradient_bins >= 2 && gradient_bins <= 32, source, "gradient_bins", gradient_bins,
           "within [2, 32]");

@@ -181,14 +181,16 @@ class Cutter {
 
   bool counts(Box& box) const {
     UltrasoundPatches::Patch& patch = box.patch;
-    for_known(box, [&](std::size_t, int, std::size_t offset) {
+    for_known(box, [&](std::size_t, int sample, std::size_t offset) {
       patch.mean += us_.brightness[offset];
+      patch.depth_mm += us_.beams.axial.depth_mm(sample);
       ++patch.count;
     });
     const auto count = static_cast<double>(patch.count);
     if (patch.count < 2 || count < least_share_ * (box.end - box.begin).cast<double>().prod())
       return false;
     patch.mean /= count;
+    patch.depth_mm /= count;
     for_known(box, [&](std::size_t, int, std::size_t offset) {
       const double difference = us_.brightness[offset] - patch.mean;
       patch.square_sum += difference * difference;

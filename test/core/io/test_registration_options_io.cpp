@@ -87,7 +87,7 @@ void randomise(PatchOptions& o) {
   share = between(0.01, 1);
 }
 void randomise(SimilarityOptions& o) {
-  auto& [kind, channel, patches, weighting, ridge, ridge_gradient, positive, power, bins,
+  auto& [kind, channel, patches, weighting, pressed, ridge, ridge_gradient, positive, power, bins,
          gradient_bins, gradient_scale, scalar] = o;
   kind = one_of({SimilarityKind::kLocalLc2, SimilarityKind::kGlobalLc2, SimilarityKind::kNcc,
                  SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio,
@@ -96,6 +96,7 @@ void randomise(SimilarityOptions& o) {
   randomise(patches);
   weighting =
       one_of({PatchWeighting::kCount, PatchWeighting::kDeviation, PatchWeighting::kVariance});
+  pressed = between(0, 200);
   ridge = between(0, 99);
   ridge_gradient = between(0, 99);
   positive = any_bool();
@@ -222,7 +223,8 @@ bool same(const PatchOptions& a, const PatchOptions& b) {
 }
 bool same(const SimilarityOptions& a, const SimilarityOptions& b) {
   return a.kind == b.kind && a.channel == b.channel && same(a.patches, b.patches) &&
-         a.weighting == b.weighting && a.ridge_intensity_hu == b.ridge_intensity_hu &&
+         a.weighting == b.weighting && a.pressed_mm == b.pressed_mm &&
+         a.ridge_intensity_hu == b.ridge_intensity_hu &&
          a.ridge_gradient_hu_per_mm == b.ridge_gradient_hu_per_mm &&
          a.positive_gradient == b.positive_gradient && a.power == b.power && a.bins == b.bins &&
          a.gradient_bins == b.gradient_bins &&

@@ -54,6 +54,25 @@ TEST(Registration, RecoversParallelBeamsOfSweep) {
   expect_recovered(case_of(agar_phantom(), agar_phantom().ultrasound, how));
 }
 
+/// The scene's probe presses: the wall moves, the kidney hardly.
+TEST(Registration, FollowsTheKidneyAndNotThePressedWall) {
+  phantom::PhantomOptions options;  // of full size: coarse images show little of the wall's layers
+  options.scene = SceneKind::kPatient;
+  options.seed = 105;
+  options.ct.size = {220, 180, 90};
+  options.sweep.frames = 41;
+  const RegistrationCase images = make_case(options);
+  const auto error_mm = [&](const std::string& changes) {
+    const RegistrationResult result =
+        registered(images, images.T_us_ct_true, quick_options(changes));
+    return images.error_mm(result.candidates.at(0).T_us_ct);
+  };
+  const double with_wall_mm = error_mm("stages: {2: {similarity: {pressed_mm: 0}}}\n");
+  const double without_mm = error_mm("");
+  EXPECT_GT(with_wall_mm, 0.4);
+  EXPECT_LT(without_mm, 0.6 * with_wall_mm);
+}
+
 TEST(Registration, RecoversInAnyFrames) {
   expect_recovered(moved(patient_case(), kUsMotion, kCtMotion));
 }

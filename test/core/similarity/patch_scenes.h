@@ -73,6 +73,7 @@ struct Seen {
   double ct_hu = kBackgroundHu;
   double gradient = 0.0;  // HU/mm
   bool inside = false;
+  double depth_mm = 0.0;
 };
 
 inline Seen seen_at(const BeamUltrasound& us, int sample, int line, int frame,
@@ -81,6 +82,7 @@ inline Seen seen_at(const BeamUltrasound& us, int sample, int line, int frame,
   Seen seen;
   const BeamGrid& beams = us.beams;
   seen.u = us.brightness[offset_of(beams, sample, line, frame)];
+  seen.depth_mm = beams.axial.depth_mm(sample);
   const Eigen::Vector3d index =
       ct.grid.index_from_physical(T_ct_us * beams.point(frame, line, sample));
   const Eigen::Vector3d lower = index.array().floor();

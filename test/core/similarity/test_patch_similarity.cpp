@@ -49,6 +49,7 @@ Case random_case() {
   c.options.positive_gradient = maybe();
   c.options.power = maybe() ? 1.0 : uniform(0.25, 4.0);
   c.options.weighting = static_cast<PatchWeighting>(integer(0, 3));
+  c.options.pressed_mm = maybe() ? 0.0 : uniform(1.0, 200.0);
   c.options.scalar = maybe();
   c.options.bins = integer(8, 65);
   return c;
@@ -94,17 +95,20 @@ double explained_by_least_squares(const std::vector<Seen>& samples, const Simila
   return std::clamp(1.0 - residual / u.squaredNorm(), 0.0, 1.0);
 }
 
-double weight_of(const std::vector<Seen>& patch, PatchWeighting weighting) {
+double weight_of(const std::vector<Seen>& patch, const SimilarityOptions& o) {
   const auto n = static_cast<double>(patch.size());
-  if (weighting == PatchWeighting::kCount) return n;
-  return n * std::pow(variance_u(patch), weighting == PatchWeighting::kVariance ? 1.0 : 0.5);
+  const double exponent = 0.5 * static_cast<double>(o.weighting);
+  double depth = 0.0;
+  for (const Seen& s : patch) depth += s.depth_mm / n;
+  const double trusted = 1.0 / (1.0 + std::pow(o.pressed_mm / depth, 2));
+  return n * std::pow(variance_u(patch), exponent) * trusted;
 }
 
 double local_lc2_by_least_squares(const Case& c) {
   double sum = 0.0;
   double weights = 0.0;
   for (const auto& patch : seen_by(c)) {
-    const double weight = weight_of(patch, c.options.weighting);
+    const double weight = weight_of(patch, c.options);
     sum += weight * std::pow(explained_by_least_squares(patch, c.options), c.options.power);
     weights += weight;
   }
