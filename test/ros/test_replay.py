@@ -176,7 +176,7 @@ class TestReplay(unittest.TestCase):
 
     def tearDown(self):
         self.system.stop_all()
-        if any(error for _, error in getattr(self._outcome, "errors", [])):
+        if node_under_test.has_failed(self):
             print(self.system.log())
         shutil.rmtree(self.folder)
 

@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import unittest
 
-import rosunit
+from node_under_test import unitrun
 from test_replay import CLIENT, PACKAGE, Acquisition, System, run, wait_for
 
 IP = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
@@ -100,4 +100,4 @@ class TestTwoMachines(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    rosunit.unitrun(PACKAGE, "two_machines", TestTwoMachines)
+    unitrun("two_machines", TestTwoMachines)
