@@ -4,9 +4,9 @@ All times are when a message arrived in this process, on its monotonic clock; no
 The parts of a latency:
   end of sweep   last frame -> volume. us_ingest finds that the sweep has ended (at once where the frames announce its
                  length, as here; else after its parameter sweep_pause), puts it together and sends it.
-  tf window      -> tf reaches `jump_window` beyond the volume's stamp, which the registration waits for.
   registration   what the result says of its stages.
-  hand-over      the rest until the result: the volume's conversion, where tf was there already, and threads.
+  hand-over      the rest until the result: the volume's conversion, the wait for tf, threads. Tf must reach the
+                 volume's stamp before the registration begins, and `jump_window` beyond it before it ends.
   publishing     result -> tf. Less than a few milliseconds, or below 0, is 0: messages overtake each other here.
 """
 import argparse
@@ -41,12 +41,10 @@ CT_SIZE = (512, 512, 300)
 START_S = 1000.0
 PAUSE_S = 3.0  # between sweeps: the least that `usct bag write` takes
 LIMIT_S = 30.0
-# As config/nodes/registration.yaml has it: tf must reach this far beyond a volume's stamp.
-JUMP_WINDOW_S = 0.1
 PRESETS = ("phantom", "fast", "patient")
 CONTINUOUS, REQUEST = "continuous", "/register"
 # Parts of a latency, in their order; they add up to it.
-PARTS = ("end of sweep", "tf window", "registration", "hand-over", "publishing")
+PARTS = ("end of sweep", "registration", "hand-over", "publishing")
 # Of /proc/PID/status: the most so far, now, and what of it is no file (libraries count in each process).
 MEMORY = ("VmHWM", "VmRSS", "RssAnon")
 MM_PER_M = 1000.0
@@ -212,7 +210,6 @@ class Watcher:
             self.volume = None
             self.refusals = []   # for want of inputs: they name no ultrasound
             self.frames, self.volumes, self.results = {}, {}, {}
-            self.us_in_tf = []   # (stamp, when)
             self.ct_in_tf = {}   # transform: when it was first seen
 
     def _note(self, action):
@@ -243,8 +240,6 @@ class Watcher:
             for stamped in message.transforms:
                 if stamped.child_frame_id == "ct":
                     self.ct_in_tf.setdefault(numbers_of(stamped.transform), now)
-                elif stamped.child_frame_id == "us":
-                    self.us_in_tf.append((stamped.header.stamp, now))
         self._note(note)
 
     def _ct(self, _):
@@ -261,9 +256,6 @@ class Watcher:
 
     def refusal_after(self, stamp):
         return next((refusal for refusal in self.refusals if refusal[0] > self.volumes[stamp]), None)
-
-    def tf_reached(self, stamp):
-        return next((when for tf_stamp, when in self.us_in_tf if tf_stamp >= stamp), 0.0)
 
 
 def numbers_of(transform):
@@ -330,10 +322,8 @@ def repetition(watcher, register, phantom, trigger, number):
     in_tf = watcher.wait(lambda: watcher.ct_in_tf.get(numbers_of(result.fixed_transform)), "the CT in tf")
     durations = durations_of(result)
     announced = watcher.volumes[stamp]
-    ready = max(announced, watcher.tf_reached(stamp + rospy.Duration(JUMP_WINDOW_S)))
     registration = sum(durations.values())
-    parts = (announced - watcher.frames[stamp], ready - announced, registration, arrived - ready - registration,
-             in_tf - arrived)
+    parts = (announced - watcher.frames[stamp], registration, arrived - announced - registration, in_tf - arrived)
     record.update(zip(PARTS, parts), latency=in_tf - watcher.frames[stamp], durations=durations,
                   error_mm=phantom.error_mm(matrix_of(result.transform)))
     return record

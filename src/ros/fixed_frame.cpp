@@ -1,7 +1,5 @@
 #include "ros/fixed_frame.h"
 
-#include <tf2/exceptions.h>
-
 #include <cmath>
 #include <cstdio>
 
@@ -45,6 +43,10 @@ const std::string& FixedFrame::name(const std_msgs::Header& us) const {
   return options_.frame.empty() ? us.frame_id : options_.frame;
 }
 
+bool FixedFrame::reaches(const std_msgs::Header& us) const {
+  return is_own_frame(us) || tf_.canTransform(name(us), us.frame_id, us.stamp);
+}
+
 bool FixedFrame::is_complete(const std_msgs::Header& us) const {
   return is_own_frame(us) || tf_.canTransform(name(us), us.frame_id,
                                               us.stamp + ::ros::Duration(options_.jump_window_s));
@@ -59,11 +61,15 @@ FixedPose FixedFrame::look_up(const std_msgs::Header& us) const {
     pose.age_s = (us.stamp - time).toSec();
     require_still(us, pose);
   } catch (const tf2::TransformException& error) {
-    throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect " + quoted(us.frame_id) + " to " +
-                                              quoted(name(us)) + at(us.stamp) + ": " +
-                                              error.what());
+    unavailable(us, error);
   }
   return pose;
+}
+
+void FixedFrame::unavailable(const std_msgs::Header& us,
+                             const tf2::TransformException& error) const {
+  throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect " + quoted(us.frame_id) + " to " +
+                                            quoted(name(us)) + at(us.stamp) + ": " + error.what());
 }
 
 Isometry3d FixedFrame::T_fixed_us_at(const std_msgs::Header& us, const ::ros::Time& time) const {
@@ -87,7 +93,8 @@ Isometry3d FixedFrame::T_fixed_us_at(const std_msgs::Header& us, const ::ros::Ti
   return newest;
 }
 
-void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose) const {
+void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose) const try {
+  if (is_own_frame(us)) return;
   constexpr int kSamples = 4;  // on either side
   for (int i = -kSamples; i <= kSamples; ++i) {
     const ::ros::Duration offset(options_.jump_window_s * i / kSamples);
@@ -107,6 +114,8 @@ void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose
                   options_.max_jump_deg);
     throw Refusal(Status::TF_JUMPED, quoted(us.frame_id) + " in " + quoted(name(us)) + text);
   }
+} catch (const tf2::TransformException& error) {
+  unavailable(us, error);
 }
 
 Isometry3d FixedFrame::T_us_frame(const std_msgs::Header& us, const FixedPose& pose,

@@ -3,6 +3,7 @@
 #include <ros/time.h>
 #include <std_msgs/Header.h>
 #include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
 
 #include <Eigen/Geometry>
 #include <string>
@@ -41,10 +42,15 @@ class FixedFrame {
     return !frame.empty() && frame == options_.frame;
   }
 
-  /// Whether tf reaches so far that `look_up` has nothing to wait for.
+  /// Whether tf reaches the stamp: `look_up` has nothing to wait for.
+  bool reaches(const std_msgs::Header& us) const;
+  /// Whether it reaches beyond the window after it: neither has `require_still`.
   bool is_complete(const std_msgs::Header& us) const;
-  /// Refuses with TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
+  /// Refuses with TF_UNAVAILABLE, TF_STALE or, as far as tf reaches, TF_JUMPED.
   FixedPose look_up(const std_msgs::Header& us) const;
+  /// Refuses with TF_JUMPED where tf says, as far as it reaches, that the ultrasound's frame moved
+  /// within the window; with TF_UNAVAILABLE where it has forgotten.
+  void require_still(const std_msgs::Header& us, const FixedPose& pose) const;
 
   /// Any frame in the ultrasound's frame, at its stamp. Refuses with TF_UNAVAILABLE, or
   /// INVALID_REQUEST if the name is empty.
@@ -55,7 +61,8 @@ class FixedFrame {
   bool is_own_frame(const std_msgs::Header& us) const { return name(us) == us.frame_id; }
   Eigen::Isometry3d T_fixed_us_at(const std_msgs::Header& us, const ::ros::Time& time) const;
   ::ros::Time usable_time(const std_msgs::Header& us) const;
-  void require_still(const std_msgs::Header& us, const FixedPose& pose) const;
+  [[noreturn]] void unavailable(const std_msgs::Header& us,
+                                const tf2::TransformException& error) const;
 
   const tf2::BufferCore& tf_;
   const FixedFrameOptions options_;

@@ -33,6 +33,10 @@ std::optional<Refusal> refusal_of(Convert&& convert) {
   return std::nullopt;
 }
 
+void require_not(const std::function<bool()>& cancelled) {
+  if (cancelled()) throw Refusal(Status::CANCELLED, "cancelled by the caller");
+}
+
 }  // namespace
 
 HeldVolumes::HeldVolumes(const FixedFrame& frame, HeldVolumesOptions options,
@@ -140,17 +144,17 @@ HeldVolumes::Entry HeldVolumes::convert(const msg::PreScanVolume& message) const
     auto held = std::make_shared<HeldUltrasound>();
     held->header = message.header;
     held->beams = along_beams(from_message(message, source));
+    held->tf_deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                           std::chrono::duration<double>(options_.tf_timeout_s));
     entry.volume = held;
   });
   entry.settled = entry.refusal.has_value();
-  entry.deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                      std::chrono::duration<double>(options_.tf_timeout_s));
   return entry;
 }
 
-/// Looks its pose up once tf has all, or no time is left. False: not yet.
+/// Looks its pose up once tf has it, or no time is left. False: not yet.
 bool HeldVolumes::settle(Entry& entry) const {
-  if (!frame_.is_complete(entry.header) && Clock::now() < entry.deadline) return false;
+  if (!frame_.reaches(entry.header) && Clock::now() < entry.volume->tf_deadline) return false;
   try {
     entry.volume->pose = frame_.look_up(entry.header);
   } catch (const Refusal& refusal) {
@@ -173,7 +177,7 @@ bool HeldVolumes::has_pending() const {
 void HeldVolumes::await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
                         const std::function<bool()>& ready) {
   while (!ready()) {
-    if (cancelled()) throw Refusal(Status::CANCELLED, "cancelled by the caller");
+    require_not(cancelled);
     wake_.wait_for(lock, kPoll);
   }
 }
@@ -216,6 +220,15 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
   });
   if (entry->refusal) throw Refusal(*entry->refusal);
   return entry->volume;
+}
+
+void HeldVolumes::require_still(const HeldUltrasound& us,
+                                const std::function<bool()>& cancelled) const {
+  while (!frame_.is_complete(us.header) && Clock::now() < us.tf_deadline) {
+    require_not(cancelled);
+    std::this_thread::sleep_for(kPoll);
+  }
+  frame_.require_still(us.header, us.pose);
 }
 
 bool HeldVolumes::is_newest(const HeldCt& ct) const {

@@ -33,6 +33,8 @@ struct HeldUltrasound {
   std_msgs::Header header;
   BeamUltrasound beams;
   FixedPose pose;
+  /// Tf is waited for no longer than until then.
+  std::chrono::steady_clock::time_point tf_deadline;
 };
 
 /// What is held, for diagnostics.
@@ -74,6 +76,11 @@ class HeldVolumes {
   std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
                                                    const std::function<bool()>& cancelled);
 
+  /// A registration need not wait until tf is past the window in which the probe must not move, but
+  /// its result does: waits until then, or for `tf_timeout`. Refuses with TF_JUMPED,
+  /// TF_UNAVAILABLE or CANCELLED.
+  void require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
+
   /// Whether no other CT has arrived since: false at once, before the other one is converted.
   bool is_newest(const HeldCt& ct) const;
   /// The newest ultrasound that can be had without a wait; `number` counts up, 0: none.
@@ -93,7 +100,6 @@ class HeldVolumes {
     std::shared_ptr<HeldUltrasound> volume;
     std::optional<Refusal> refusal;
     bool settled = false;
-    Clock::time_point deadline;
   };
 
   void work();

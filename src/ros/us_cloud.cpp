@@ -23,6 +23,14 @@ void add_line(const PreScanVolume& volume, const BeamGrid& beams, int frame, int
         {beams.point(frame, line, sample), static_cast<float>(volume.at(sample, line, frame))});
 }
 
+/// The array, for a view to follow: a tracked sweep's frame is the tracker's, which may be far
+/// away.
+Eigen::Isometry3d T_us_middle(const ScanGeometry& geometry) {
+  const auto* tracked = std::get_if<TrackedSweep>(&geometry.motion);
+  if (tracked == nullptr || tracked->T_us_frame.empty()) return Eigen::Isometry3d::Identity();
+  return tracked->T_us_frame[tracked->T_us_frame.size() / 2];
+}
+
 }  // namespace
 
 std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm) {
@@ -110,8 +118,8 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
 }
 
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
-  std::vector<CloudPoint> fans =
-      crossed_fans(from_message(*message, us_subscriber_.getTopic()), spacing_mm_);
+  const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
+  std::vector<CloudPoint> fans = crossed_fans(us, spacing_mm_);
   std_msgs::Header header = message->header;
   if (!fixed_frame_.empty()) {
     geometry_msgs::TransformStamped fixed_us =
@@ -120,6 +128,7 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
     for (CloudPoint& point : fans) point.p_mm = T_fixed_us * point.p_mm;
     header.frame_id = fixed_frame_;
     fixed_us.child_frame_id = acquired_frame_;
+    fixed_us.transform = to_message(T_fixed_us * T_us_middle(us.geometry));
     broadcaster_.sendTransform(fixed_us);
   }
   us_publisher_.publish(to_message(fans, header));

@@ -48,7 +48,7 @@ std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
                          const std::vector<Eigen::Vector3d>& points_us_mm) {
   const Picture ultrasound = render_us(us.volume, us.mask, plane);
   const Picture computed = render_ct(ct, T_us_ct, window, plane);
-  const int square = std::max(1, plane.width / kCheckerboardSquares);
+  const int square = std::max(1, (plane.width + kCheckerboardSquares - 1) / kCheckerboardSquares);
   std::vector<Picture> pictures{ultrasound, computed, blend(ultrasound, computed),
                                 checkerboard(ultrasound, computed, square)};
   const char* kinds[] = {"US", "CT", "US blue, CT orange", "US and CT"};

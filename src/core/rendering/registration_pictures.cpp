@@ -258,7 +258,8 @@ Picture fusion_sheet(const Panels& panels, const Isometry3d& T_us_ct,
   for (const SlicePlane& plane : panels.planes()) {
     const Picture ultrasound = panels.ultrasound(plane);
     const Picture computed = panels.computed(plane, T_us_ct);
-    const int square_px = std::max(1, plane.width / kCheckerboardSquares);
+    const int square_px =
+        std::max(1, (plane.width + kCheckerboardSquares - 1) / kCheckerboardSquares);
     Row row{panels.overlay(plane, T_us_ct), panels.with_contours(computed, plane, T_us_ct),
             blend(ultrasound, computed), checkerboard(ultrasound, computed, square_px)};
     const char* kinds[] = {"US, CT's lines", "CT", "US blue, CT orange", "US and CT"};

@@ -97,8 +97,9 @@ struct BagReadCommand {
 };
 
 [[noreturn]] void not_there(const BagReadCommand& command, const char* what, int count) {
-  throw InputError(command.bag, "holds " + std::to_string(count) + " " + what + ", --index is " +
-                                    std::to_string(command.index) + ", must be less");
+  throw InputError(command.bag, "number of " + std::string(what) + " is " + std::to_string(count) +
+                                    ", --index is " + std::to_string(command.index) +
+                                    ", must be less");
 }
 
 int run_read(const BagReadCommand& command) {
@@ -131,7 +132,7 @@ nlohmann::ordered_json describe(const msg::PreScanVolume& volume) {
                          "tracked_linear"};
   nlohmann::ordered_json sweep;
   sweep["geometry"] = kinds[volume.geometry.type];
-  sweep["size"] = {volume.samples, volume.lines, volume.frames};
+  sweep["samples_lines_frames"] = {volume.samples, volume.lines, volume.frames};
   sweep["frame_id"] = volume.header.frame_id;
   sweep["acquired_s"] = volume.header.stamp.toSec();
   return sweep;
@@ -155,7 +156,8 @@ void print_all(const char* what, const nlohmann::ordered_json& all) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     std::printf("%s %zu:", what, i);
     for (const auto& [key, value] : all[i].items())
-      std::printf(" %s %s", key.c_str(), value.dump().c_str());
+      std::printf(" %s %s", key.c_str(),
+                  (value.is_string() ? value.get<std::string>() : value.dump()).c_str());
     std::printf("\n");
   }
 }
@@ -202,7 +204,8 @@ void add_write(CLI::App& bag, Run& run) {
   sub->add_option("--frame-rate", options.frame_rate_hz,
                   "frames per s, where the file has no times")
       ->capture_default_str();
-  sub->add_option("--pause", options.pause_s, "between sweeps, and after the last, s")
+  sub->add_option("--pause", options.pause_s,
+                  "between sweeps, and after the last where there is tf of a robot, s")
       ->capture_default_str();
   sub->add_option("--retract", options.retract_mm,
                   "how far the probe moves away after a sweep, mm; 0: it stays")

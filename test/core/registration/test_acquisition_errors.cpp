@@ -14,7 +14,8 @@ double sweep_error_if_recorded(double factor) {
   for (double& angle_rad : std::get<MotorSweep>(us.geometry.motion).frame_angles_rad)
     angle_rad *= factor;
   const RegistrationCase images = case_of(agar_phantom(), us);
-  const RegistrationOptions options = quick_options("stages: {2: {sweep_error: 0.15}}\n");
+  const RegistrationOptions options = quick_options(
+      "conditioning_spacing_mm: 1.1\nstages: {2: {spacing_mm: 1, sweep_error: 0.15}}\n");
   return register_ultrasound(images.us, images.ct, images.T_us_ct_true, options)
       .measures.at("sweep_error");
 }

@@ -346,8 +346,8 @@ TEST(BagTool, WritesListsAndReadsBackWhatItWasGiven) {
                                               path("us.nrrd"), "--output", path("a.bag")});
   ASSERT_EQ(write.exit_status, 0) << write.errors;
   const test::Outcome info = test::run_usct({"bag", "info", path("a.bag")});
-  EXPECT_THAT(info.output, testing::HasSubstr("ultrasound 1: geometry \"motorised_curvilinear\""));
-  EXPECT_THAT(info.output, testing::HasSubstr("size [3,2,4]"));
+  EXPECT_THAT(info.output, testing::HasSubstr("ultrasound 1: geometry motorised_curvilinear"));
+  EXPECT_THAT(info.output, testing::HasSubstr("samples_lines_frames [3,2,4]"));
   const test::Outcome read =
       test::run_usct({"bag", "read", path("a.bag"), "--us", path("back.nrrd"), "--index", "1"});
   ASSERT_EQ(read.exit_status, 0) << read.errors;
@@ -355,7 +355,8 @@ TEST(BagTool, WritesListsAndReadsBackWhatItWasGiven) {
   const test::Outcome beyond =
       test::run_usct({"bag", "read", path("a.bag"), "--us", path("no.nrrd"), "--index", "2"});
   EXPECT_EQ(beyond.exit_status, 2);
-  EXPECT_THAT(beyond.errors, testing::HasSubstr("holds 2 sweeps, --index is 2, must be less"));
+  EXPECT_THAT(beyond.errors,
+              testing::HasSubstr("number of sweeps is 2, --index is 2, must be less"));
 }
 
 }  // namespace

@@ -125,6 +125,8 @@ TEST_F(FixedFrameTest, IsCompleteOnceTfIsPastTheWindow) {
   options_.jump_window_s = 0.2;
   know(99.0, pose(0.0));
   know(100.1, pose(0.0));
+  EXPECT_TRUE(frame().reaches(us_at(100.0)));
+  EXPECT_FALSE(frame().reaches(us_at(100.2)));
   EXPECT_FALSE(frame().is_complete(us_at(100.0)));
   know(100.25, pose(0.0));
   EXPECT_TRUE(frame().is_complete(us_at(100.0)));
@@ -145,6 +147,17 @@ TEST_F(FixedFrameTest, JumpsOnEitherSideAreRefused) {
       EXPECT_EQ(refusal(99.5).code(), Status::OK);
       EXPECT_EQ(refusal(100.5).code(), Status::OK);
     }
+}
+
+/// What tf did not know yet when the pose was looked up.
+TEST_F(FixedFrameTest, JumpThatTfTellsLaterIsRefusedThen) {
+  options_.jump_window_s = 0.2;
+  know(99.0, pose(0.0));
+  know(100.05, pose(0.0));
+  const FixedPose found = frame().look_up(us_at(100.0));
+  know(100.1, pose(3.5));
+  know(100.3, pose(3.5));
+  EXPECT_THROW(frame().require_still(us_at(100.0), found), Refusal);
 }
 
 TEST_F(FixedFrameTest, MotionWithinTheLimitIsNoJump) {

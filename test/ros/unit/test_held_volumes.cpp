@@ -196,6 +196,29 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
 }
 
+/// It is given out as soon as tf reaches its stamp; its result waits.
+TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
+  options_.tf_timeout_s = 60.0;
+  volumes_.emplace(with_tf_, options_, [] {});
+  know(99.0, 0.0);
+  know(100.02, 0.0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  const auto found = volumes().ultrasound(::ros::Time(), [] { return false; });
+  int asked = 0;
+  EXPECT_EQ(refusal([&] { volumes().require_still(*found, [&] { return ++asked > 2; }); }).code(),
+            Status::CANCELLED);
+  asked = 0;
+  const auto late = [&] {
+    if (++asked == 3) {
+      know(100.03, 10.0);
+      know(101.0, 10.0);
+    }
+    return false;
+  };
+  EXPECT_EQ(refusal([&] { volumes().require_still(*found, late); }).code(), Status::TF_JUMPED);
+  EXPECT_EQ(asked, 3);
+}
+
 /// Faster than tf, more than are kept: those that wait longest still become ready.
 TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
   options_.tf_timeout_s = 600.0;
@@ -206,7 +229,7 @@ TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
     EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted
   }
   know(99.0, 0.0);
-  know(100.115, 0.0);  // with the window, all that there is to know of the first two
+  know(100.015, 0.0);  // reaches the first two
   while (volumes().ready_ultrasound().number < 2) std::this_thread::yield();
   EXPECT_NEAR(volumes().ready_ultrasound().stamp.toSec(), 100.01, 1e-6);
   know(102.0, 0.0);
