@@ -119,7 +119,8 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request,
   hooks.progress = [&](double fraction) { request.progress(fraction, "registering"); };
   RegistrationResult result = register_ultrasound(
       inputs.us->beams, inputs.ct->volume, inputs.start.T_us_ct, inputs.chosen.options, hooks);
-  if (result.T_us_ct) volumes_.require_still(*inputs.us, request.cancelled);
+  // First of all reasons: what moved has a wrong initial pose as well.
+  volumes_.require_still(*inputs.us, request.cancelled);
   require_newest(*inputs.ct);
   return result;
 }

@@ -499,6 +499,7 @@ TEST(Registration, FixedFrameNeedsTfAtTheStamp) {
     return time_s < jump_s ? Isometry3d(kPatientUs * test::rigid({0, 0, 0}, {0, 0, 25}))
                            : kPatientUs;
   });
+  EXPECT_EQ(client.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
   client.send(agar_ultrasound(::ros::Time(jump_s)));
   EXPECT_THAT(client.call_until_code(Status::TF_JUMPED).status.message,
               AllOf(HasSubstr("moved by"), HasSubstr("'us'"), HasSubstr("'patient'")));
