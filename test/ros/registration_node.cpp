@@ -23,6 +23,7 @@
 #include "core/registration/registration_cases.h"
 #include "ros/conversions.h"
 #include "ros/refusal.h"
+#include "us_ct_registration/registration/rough_pose.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -141,9 +142,9 @@ class RegistrationClient {
   ::ros::Publisher us_publisher;
 
  private:
-  ::ros::Subscriber results_;
   mutable std::mutex mutex_;
   std::vector<Result> published_;
+  ::ros::Subscriber results_;  // last: it ends first, and with it the calls that use what is above
 };
 
 Result goal_result(RegistrationClient& client, const msg::RegisterGoal& goal) {
@@ -431,6 +432,22 @@ TEST(Registration, NoInitialAlignmentIsRefused) {
   EXPECT_EQ(clear.response.status.code, Status::OK);
   EXPECT_THAT(client.call_until_code(Status::NO_INITIAL_ALIGNMENT).status.message,
               HasSubstr("allow_global is false"));
+}
+
+/// The CT turned so that the way the probe looked, which is all that the node knows, is 20 degrees
+/// off.
+TEST(Registration, GlobalSearchIfAllowed) {
+  RegistrationClient client("anywhere");
+  const Isometry3d rough = rough_pose(agar().ct.grid, agar().us.beams, ProbeDirection{});
+  Isometry3d turn = test::rigid({0.2, -0.2, 0.2}, {0, 0, 0});
+  turn.linear() *= rough.linear().transpose() * agar().T_us_ct_true.linear();
+  const test::RegistrationCase turned = test::moved(agar(), Isometry3d::Identity(), turn);
+  client.send_ct(turned.ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  client.send(agar_ultrasound(::ros::Time::now()));
+  const Result result = client.call_until_code(Status::REGISTERED);
+  EXPECT_EQ(result.initial_alignment, "global");
+  EXPECT_EQ(result.preset, "global");
+  EXPECT_LT(turned.error_mm(from_message_mm(result.transform, "result")), kGoodMm);
 }
 
 TEST(Registration, LandmarksAreAnInitialAlignment) {
