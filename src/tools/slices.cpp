@@ -29,7 +29,6 @@ struct SlicesOptions {
   bool quiet = false;
 };
 
-constexpr int kCheckerboardSquares = 6;
 constexpr double kPointDistanceMm = 1.0;
 const Picture::Colour kPointColour(255, 60, 60);
 
@@ -48,9 +47,8 @@ std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
                          const std::vector<Eigen::Vector3d>& points_us_mm) {
   const Picture ultrasound = render_us(us.volume, us.mask, plane);
   const Picture computed = render_ct(ct, T_us_ct, window, plane);
-  const int square = std::max(1, (plane.width + kCheckerboardSquares - 1) / kCheckerboardSquares);
   std::vector<Picture> pictures{ultrasound, computed, blend(ultrasound, computed),
-                                checkerboard(ultrasound, computed, square)};
+                                checkerboard(ultrasound, computed)};
   const char* kinds[] = {"US", "CT", "US blue, CT orange", "US and CT"};
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     draw_points(pictures[i], plane, points_us_mm, kPointDistanceMm, kPointColour);

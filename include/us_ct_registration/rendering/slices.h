@@ -54,7 +54,7 @@ void draw_points(Picture& picture, const SlicePlane& plane,
                  const std::vector<Eigen::Vector3d>& points_mm, double distance_mm,
                  const Picture::Colour& colour);
 
-/// Squares of `square_px` pixels, ultrasound and CT in turn: edges must continue across squares.
-Picture checkerboard(const Picture& us, const Picture& ct, int square_px);
+/// Squares, so many side by side, ultrasound and CT in turn: edges must continue across squares.
+Picture checkerboard(const Picture& us, const Picture& ct, int squares_across = 6);
 
 }  // namespace usct

@@ -21,7 +21,6 @@ constexpr int kMarginPx = 6;
 constexpr int kLinePx = 24;
 constexpr int kCaptionPx = 16;
 constexpr int kFrameWidthPx = 3;
-constexpr int kCheckerboardSquares = 6;
 constexpr int kParallelSlices = 5;
 /// Parallel slices leave out the ends of the field, where there is little to judge by.
 constexpr double kFirstSlice = 0.2;
@@ -258,10 +257,8 @@ Picture fusion_sheet(const Panels& panels, const Isometry3d& T_us_ct,
   for (const SlicePlane& plane : panels.planes()) {
     const Picture ultrasound = panels.ultrasound(plane);
     const Picture computed = panels.computed(plane, T_us_ct);
-    const int square_px =
-        std::max(1, (plane.width + kCheckerboardSquares - 1) / kCheckerboardSquares);
     Row row{panels.overlay(plane, T_us_ct), panels.with_contours(computed, plane, T_us_ct),
-            blend(ultrasound, computed), checkerboard(ultrasound, computed, square_px)};
+            blend(ultrasound, computed), checkerboard(ultrasound, computed)};
     const char* kinds[] = {"US, CT's lines", "CT", "US blue, CT orange", "US and CT"};
     for (std::size_t i = 0; i < row.size(); ++i) caption(row[i], plane.name + ": " + kinds[i]);
     mark_if_refused(row, result);

@@ -117,11 +117,13 @@ void draw_points(Picture& picture, const SlicePlane& plane,
   }
 }
 
-Picture checkerboard(const Picture& us, const Picture& ct, int square_px) {
+Picture checkerboard(const Picture& us, const Picture& ct, int squares_across) {
   require_same_size(us, ct);
-  if (square_px < 1)
+  if (squares_across < 1)
     throw InputError("checkerboard",
-                     "squares of " + std::to_string(square_px) + " pixels, must be >= 1");
+                     std::to_string(squares_across) + " squares side by side, must be >= 1");
+  // Rounded up: no strip is left over.
+  const int square_px = std::max(1, (us.width + squares_across - 1) / squares_across);
   Picture result = us;
   for (int y = 0; y < us.height; ++y)
     for (int x = 0; x < us.width; ++x)

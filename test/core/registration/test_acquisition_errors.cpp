@@ -24,7 +24,7 @@ TEST(AcquisitionErrorsOfARegistration, SweepErrorUndoesWrongMotorAngles) {
   constexpr double kFactor = 1.06;
   constexpr double kWanted = kFactor - 1.0 / kFactor;
   EXPECT_NEAR(sweep_error_if_recorded(1.0 / kFactor) - sweep_error_if_recorded(kFactor), kWanted,
-              0.4 * kWanted);
+              0.2 * kWanted);
 }
 
 }  // namespace

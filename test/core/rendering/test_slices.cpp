@@ -58,6 +58,15 @@ TEST(Slices, CheckerboardAlternates) {
   EXPECT_EQ(int{board.pixel(1, 2)[0]}, 255);
   EXPECT_EQ(int{board.pixel(3, 3)[0]}, 0);
   EXPECT_THROW(checkerboard(us, Picture(3, 4), 2), InputError);
+  EXPECT_THROW(checkerboard(us, ct, 0), InputError);
+}
+
+TEST(Slices, CheckerboardLeavesNoStripOver) {
+  Picture ct(5, 1);
+  std::fill(ct.pixels.begin(), ct.pixels.end(), std::uint8_t{255});
+  const Picture board = checkerboard(Picture(5, 1), ct, 2);
+  EXPECT_EQ(int{board.pixel(2, 0)[0]}, 0);
+  EXPECT_EQ(int{board.pixel(4, 0)[0]}, 255);
 }
 
 TEST(WritePng, KeepsColoursAndRefusesOtherNames) {
