@@ -53,8 +53,8 @@ struct ConfidenceOptions {
   double background_mm = 25.0;
   /// Of the decisive stage's similarity (the last but one; the only one if there is one).
   double min_significance = 8.0;
-  /// How much worse the second best optimum elsewhere (over 10 mm away) must be: the difference as
-  /// a share of the best one's height above the background; [0, 1].
+  /// How much worse the best rival elsewhere (over 10 mm away) must be: the difference as a share
+  /// of the best one's height above the background; [0, 1]. What scatters too much is no rival.
   double min_margin = 0.1;
   /// The last stage may move the decisive stage's optimum by this much, mm (mean displacement).
   double max_disagreement_mm = 5.0;
@@ -64,7 +64,7 @@ struct ConfidenceOptions {
   /// parts may pull the pose apart by this much, mm (root mean square displacement of the field of
   /// view): where the pose is right they agree, where it only looks right they do not.
   SimilarityOptions confirmation;
-  double max_scatter_mm = 0.4;
+  double max_scatter_mm = 0.5;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
   /// independent, and err together), and what no image shows: shift of the field (root mean square)
   /// by sound speed, deformation and the like, mm. Both by calibration (docs/accuracy.md).

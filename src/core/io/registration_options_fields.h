@@ -26,6 +26,11 @@ struct Words<GradientChannel> {
       {{GradientChannel::kMagnitude, "magnitude"}, {GradientChannel::kAlongBeam, "along_beam"}}};
 };
 template <>
+struct Words<SampleSubset> {
+  static constexpr std::array<std::pair<SampleSubset, const char*>, 2> kAll = {
+      {{SampleSubset::kAll, "all"}, {SampleSubset::kHalf, "half"}}};
+};
+template <>
 struct Words<PatchWeighting> {
   static constexpr std::array<std::pair<PatchWeighting, const char*>, 3> kAll = {
       {{PatchWeighting::kCount, "count"},
@@ -168,6 +173,7 @@ void describe(Fields& fields, PatchOptions& o) {
   fields("lateral_mm", o.lateral_mm);
   fields("elevation_mm", o.elevation_mm);
   fields("least_share", o.least_share);
+  fields("samples", o.samples);
 }
 
 template <typename Fields>

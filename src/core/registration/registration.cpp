@@ -50,7 +50,6 @@ class Registration {
     try {
       prepare();
       search();
-      polish();
       judge();
     } catch (const Cancelled&) {
       refuse({RegistrationStatus::kCancelled, "cancelled by the caller"});
@@ -121,6 +120,7 @@ class Registration {
             : registration::ct_around(ct_, prepared_, optima_.front().T_us_ct, margin_mm);
     if (near.region.size.minCoeff() < kLeastVoxels)
       throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+    levels_.resize(decisive() + 1);  // without that of an earlier round
     levels_.push_back(
         make_level(options_.stages.size() - 1, near, registration::ct_level(near, stage)));
   }
@@ -136,22 +136,25 @@ class Registration {
     }
   }
 
-  /// Rounds of all stages but the last, until the best optimum is significant.
+  /// Rounds, until what the last stage makes of the best optimum passes the gates.
   void search() {
-    Stopwatch watch;
     poses_.emplace(initial_.T_us_ct, options_, *search_);
     for (int round = 0; round < options_.rounds; ++round) {
+      Stopwatch watch;
       std::vector<Candidate> candidates = search_round(round);
       candidates.insert(candidates.end(), optima_.begin(), optima_.end());
       optima_ = search_->best_distinct(std::move(candidates), kMostOptima);
       if (optima_.empty() || !std::isfinite(optima_.front().value))
         throw Refusal{RegistrationStatus::kNoOverlap,
                       "no pose in reach has CT and ultrasound overlap"};
-      measure_optimum();
-      report(0.2 + 0.6 * (round + 1) / options_.rounds);
+      result_.seconds["search"] += watch.lap();
+      polish();
+      watch.lap();
+      measure();
+      result_.seconds["confidence"] += watch.lap();
+      report(0.2 + 0.8 * (round + 1) / options_.rounds);
       if (registration::passes(options_.confidence, result_.measures)) break;
     }
-    result_.seconds["search"] = watch.lap();
   }
 
   /// How much more is done in a round than in the first.
@@ -209,52 +212,72 @@ class Registration {
                                   effort(round) * static_cast<std::size_t>(stage.kept));
   }
 
+  /// The last stage, from the best optimum.
   void polish() {
-    Stopwatch watch;
     best_ = optima_.front();
-    if (options_.stages.size() > 1) {
-      const std::size_t last = options_.stages.size() - 1;
-      make_last_level();
-      result_.seconds["ct"] += watch.lap();
-      std::vector<Candidate> polished{best_};
-      search_->evaluate(*levels_[last].similarity, polished);
-      search_->optimise(*levels_[last].similarity, options_.stages[last], polished);
-      if (!std::isfinite(polished.front().value))
-        throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
-      best_ = polished.front();
-      result_.measures["disagreement_mm"] =
-          search_->distance_mm(best_.T_us_ct, optima_.front().T_us_ct);
-      if (options_.stages[last].depth_error > 0.0)
-        result_.measures["depth_error"] = best_.errors.depth;
-      if (options_.stages[last].sweep_error > 0.0)
-        result_.measures["sweep_error"] = best_.errors.sweep;
-    }
-    result_.seconds["polish"] = watch.lap();
-    report(0.9);
+    if (options_.stages.size() == 1) return;
+    Stopwatch watch;
+    make_last_level();
+    result_.seconds["ct"] += watch.lap();
+    const StageOptions& stage = options_.stages.back();
+    const Similarity& similarity = *levels_.back().similarity;
+    std::vector<Candidate> polished{best_};
+    search_->evaluate(similarity, polished);
+    search_->optimise(similarity, stage, polished);
+    if (!std::isfinite(polished.front().value))
+      throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+    best_ = polished.front();
+    result_.seconds["polish"] += watch.lap();
   }
 
-  /// What is to be said of the best optimum of the decisive stage.
-  void measure_optimum() {
-    const Level& level = levels_[decisive()];
+  /// What is to be said of the best optimum, and of what the last stage made of it.
+  void measure() {
+    const Candidate& optimum = optima_.front();
+    const registration::Background background =
+        poses_->of(*levels_[decisive()].similarity, optimum, *search_);
+    result_.measures["significance"] = background.significance(optimum.value);
+    result_.measures["margin"] = margin(background.mean);
+    result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
+    if (options_.stages.size() > 1) {
+      result_.measures["disagreement_mm"] = search_->distance_mm(best_.T_us_ct, optimum.T_us_ct);
+      const StageOptions& last = options_.stages.back();
+      if (last.depth_error > 0.0) result_.measures["depth_error"] = best_.errors.depth;
+      if (last.sweep_error > 0.0) result_.measures["sweep_error"] = best_.errors.sweep;
+    }
+    measure_accuracy();
+  }
+
+  /// How much lower the best rival is, as a share of the best optimum's height above `background`.
+  double margin(double background) {
     const Candidate& best = optima_.front();
-    const registration::Background background = poses_->of(*level.similarity, best, *search_);
-    result_.measures["significance"] = background.significance(best.value);
-    result_.measures["margin"] = 1.0;
-    for (std::size_t i = 1; i < optima_.size(); ++i)
-      if (search_->distance_mm(optima_[i].T_us_ct, best.T_us_ct) > kElsewhereMm) {
-        result_.measures["margin"] =
-            (best.value - optima_[i].value) / (best.value - background.mean);
-        break;
-      }
-    measure_accuracy(best);
+    const auto lower = [&](const Candidate& other) {
+      return (best.value - other.value) / (best.value - background);
+    };
+    for (std::size_t i = 1; i < optima_.size(); ++i) {
+      if (search_->distance_mm(optima_[i].T_us_ct, best.T_us_ct) <= kElsewhereMm) continue;
+      // Only what would be refused for it is worth a closer look.
+      if (lower(optima_[i]) >= options_.confidence.min_margin || holds_together(optima_[i]))
+        return lower(optima_[i]);
+    }
+    // What is not among the optima is lower than the last of them.
+    return optima_.size() < kMostOptima ? 1.0 : lower(optima_.back());
+  }
+
+  /// What parts of the ultrasound pull apart is no rival.
+  bool holds_together(const Candidate& candidate) {
+    const std::optional<registration::PoseAccuracy> accuracy = accuracy_of(candidate);
+    return !accuracy || accuracy->scatter_mm <= options_.confidence.max_scatter_mm;
   }
 
   /// By the second similarity: it did not choose the pose.
-  void measure_accuracy(const Candidate& candidate) {
+  std::optional<registration::PoseAccuracy> accuracy_of(const Candidate& candidate) const {
     const Level& level = levels_[decisive()];
-    const std::optional<registration::PoseAccuracy> accuracy =
-        registration::pose_accuracy(level.confirmation ? *level.confirmation : *level.similarity,
-                                    candidate, options_.confidence, *search_);
+    return registration::pose_accuracy(level.confirmation ? *level.confirmation : *level.similarity,
+                                       candidate, options_.confidence, *search_);
+  }
+
+  void measure_accuracy() {
+    const std::optional<registration::PoseAccuracy> accuracy = accuracy_of(best_);
     if (!accuracy) return;
     result_.covariance = accuracy->covariance;
     result_.measures["scatter_mm"] = accuracy->scatter_mm;
@@ -263,17 +286,13 @@ class Registration {
   }
 
   void judge() {
-    Stopwatch watch;
     result_.similarity = optima_.front().value;
     result_.overlap = best_.overlap;
-    result_.measures["displacement_mm"] = search_->distance_mm(best_.T_us_ct, initial_.T_us_ct);
-    measure_accuracy(best_);
     result_.candidates.push_back({best_.T_us_ct, optima_.front().value, best_.overlap});
     for (std::size_t i = 1; i < optima_.size(); ++i)
       result_.candidates.push_back({optima_[i].T_us_ct, optima_[i].value, optima_[i].overlap});
     registration::judge(options_.confidence, result_);
     if (result_.status == RegistrationStatus::kRegistered) result_.T_us_ct = best_.T_us_ct;
-    result_.seconds["confidence"] = watch.lap();
     report(1.0);
   }
 
@@ -285,7 +304,7 @@ class Registration {
 
   static constexpr std::size_t kLeastPoints = 100;
   static constexpr int kLeastVoxels = 4;
-  static constexpr std::size_t kMostOptima = 5;
+  static constexpr std::size_t kMostOptima = 8;
   /// How far starts of a near round are spread, as a share of the others.
   static constexpr double kNear = 0.5;
   /// A second optimum closer than this is the slope of the first, mm.

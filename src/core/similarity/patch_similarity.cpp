@@ -127,7 +127,7 @@ class LocalLc2 : public Similarity {
                     std::vector<double>& parts) const {
     const PatchKernelInput input = kernel_input(*us_, *ct_, T_ct_us, errors, options_.channel);
     // Fewer are done before a thread has woken up.
-    constexpr std::size_t kAtOnce = 2 * kTile;
+    constexpr std::size_t kAtOnce = kTile / 2;
     const std::size_t first = us_->first_single_block;
     const std::size_t shares = (us_->blocks.size() - first + kAtOnce - 1) / kAtOnce;
     std::vector<double> inside(shares + 1);

@@ -108,6 +108,7 @@ class Cutter {
       : us_(ultrasound),
         with_beams_(contents == PatchContents::kWithBeams),
         size_(patch_size(ultrasound.beams, options)),
+        step_(options.samples == SampleSubset::kHalf ? 2 : 1),
         least_share_(options.least_share) {}
 
   UltrasoundPatches run() {
@@ -145,18 +146,25 @@ class Cutter {
     return motions;
   }
 
-  /// Calls visit(beam, sample, offset) for what is known.
+  /// Calls visit(beam, sample, offset) for the subset that counts.
   template <typename Visit>
-  void for_known(const Box& box, const Visit& visit) const {
+  void for_subset(const Box& box, const Visit& visit) const {
     for (int f = box.begin.z(); f < box.end.z(); ++f)
       for (int l = box.begin.y(); l < box.end.y(); ++l) {
         const std::size_t beam = beam_index(f, l);
         const std::size_t start = beam * static_cast<std::size_t>(us_.beams.samples());
-        for (int s = box.begin.x(); s < box.end.x(); ++s) {
-          const std::size_t offset = start + static_cast<std::size_t>(s);
-          if (us_.known.empty() || us_.known[offset] != 0) visit(beam, s, offset);
-        }
+        const int skipped = (box.begin.x() + l + f) % step_;
+        for (int s = box.begin.x() + skipped; s < box.end.x(); s += step_)
+          visit(beam, s, start + static_cast<std::size_t>(s));
       }
+  }
+
+  /// The same for what is known of it.
+  template <typename Visit>
+  void for_known(const Box& box, const Visit& visit) const {
+    for_subset(box, [&](std::size_t beam, int sample, std::size_t offset) {
+      if (us_.known.empty() || us_.known[offset] != 0) visit(beam, sample, offset);
+    });
   }
 
   /// The boxes that count, and the statistics of their ultrasound.
@@ -181,14 +189,15 @@ class Cutter {
 
   bool counts(Box& box) const {
     UltrasoundPatches::Patch& patch = box.patch;
+    double all = 0.0;
+    for_subset(box, [&](std::size_t, int, std::size_t) { all += 1.0; });
     for_known(box, [&](std::size_t, int sample, std::size_t offset) {
       patch.mean += us_.brightness[offset];
       patch.depth_mm += us_.beams.axial.depth_mm(sample);
       ++patch.count;
     });
     const auto count = static_cast<double>(patch.count);
-    if (patch.count < 2 || count < least_share_ * (box.end - box.begin).cast<double>().prod())
-      return false;
+    if (patch.count < 2 || count < least_share_ * all) return false;
     patch.mean /= count;
     patch.depth_mm /= count;
     for_known(box, [&](std::size_t, int, std::size_t offset) {
@@ -286,6 +295,7 @@ class Cutter {
   const BeamUltrasound& us_;
   bool with_beams_;
   Vector3i size_;
+  int step_;  // from one sample of a line that counts to the next
   double least_share_;
   std::vector<Box> boxes_;
   std::size_t size_in_memory_ = 0;

@@ -80,11 +80,12 @@ void randomise(ConditioningOptions& o) {
   length = between(0, 30);
 }
 void randomise(PatchOptions& o) {
-  auto& [depth_mm, lateral_mm, elevation_mm, share] = o;
+  auto& [depth_mm, lateral_mm, elevation_mm, share, samples] = o;
   depth_mm = between(0.1, 50);
   lateral_mm = any_bool() ? std::numeric_limits<double>::infinity() : between(0.1, 50);
   elevation_mm = between(0.1, 50);
   share = between(0.01, 1);
+  samples = one_of({SampleSubset::kAll, SampleSubset::kHalf});
 }
 void randomise(SimilarityOptions& o) {
   auto& [kind, channel, patches, weighting, pressed, ridge, ridge_gradient, positive, power, bins,
@@ -219,7 +220,8 @@ bool same(const ConditioningOptions& a, const ConditioningOptions& b) {
 }
 bool same(const PatchOptions& a, const PatchOptions& b) {
   return a.depth_mm == b.depth_mm && a.lateral_mm == b.lateral_mm &&
-         a.elevation_mm == b.elevation_mm && a.least_share == b.least_share;
+         a.elevation_mm == b.elevation_mm && a.least_share == b.least_share &&
+         a.samples == b.samples;
 }
 bool same(const SimilarityOptions& a, const SimilarityOptions& b) {
   return a.kind == b.kind && a.channel == b.channel && same(a.patches, b.patches) &&
@@ -423,6 +425,8 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
                  {"'stages[0].optimizer.initial_step' is -3", "> 0"});
   expect_refused(stage("optimizer: {initial_step: 0.1}"), {"'stages[0].optimizer.step_tolerance'"});
   expect_refused(stage("similarity: {bins: 7}"), {"'stages[0].similarity.bins' is 7", "[8, 128]"});
+  expect_refused(stage("similarity: {patches: {samples: some}}"),
+                 {"'stages[0].similarity.patches.samples' is 'some'", "all, half"});
   expect_refused(stage("similarity: {patches: {least_share: 0}}"),
                  {"'stages[0].similarity.patches.least_share' is 0"});
   expect_refused(stage("starts: {count: 0}"), {"'stages[0].starts.count' is 0", ">= 1"});

@@ -232,16 +232,30 @@ TEST(Gates, Overlap) {
   EXPECT_FALSE(result.candidates.empty());
 }
 
-TEST(Gates, MarginAgainstOptimaElsewhere) {
-  RegistrationOptions options = quick_options("confidence: {min_margin: 1}\n");
+/// Finds many optima, of which none may be near the best one's value.
+RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
+  RegistrationOptions options =
+      quick_options("confidence: {min_margin: 1, max_scatter_mm: " + max_scatter_mm + "}\n");
   options.stages[0].optimised = 12;
   options.stages[0].kept = 12;
   options.stages[1].optimised = 12;
-  const RegistrationResult result = registered(agar_case(), nearby(agar_case()), options);
+  return registered(agar_case(), nearby(agar_case()), options);
+}
+
+TEST(Gates, MarginAgainstOptimaElsewhere) {
+  const RegistrationResult result = with_margin_of_one(".inf");
   expect_refused(result, RegistrationStatus::kLowConfidence, "margin is ");
   ASSERT_GE(result.candidates.size(), 2U);
   for (std::size_t i = 1; i < result.candidates.size(); ++i)
     EXPECT_LE(result.candidates[i].similarity, result.candidates[i - 1].similarity);
+}
+
+TEST(Gates, WhatScattersTooMuchIsNoRival) {
+  const double limit_mm = ConfidenceOptions().max_scatter_mm;
+  const RegistrationResult result = with_margin_of_one(std::to_string(limit_mm));
+  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_LT(result.measures.at("scatter_mm"), limit_mm);
+  EXPECT_EQ(result.measures.at("margin"), 1.0);
 }
 
 TEST(Gates, LimitsThemselvesPass) {

@@ -26,7 +26,8 @@ Scene random_scene() {
       noisy_ultrasound(downward_beams(integer(5, 40), integer(3, 20), integer(2, 9)));
   if (*rc::gen::arbitrary<bool>())
     for (std::size_t i = 0; i < us.brightness.size(); ++i) us.known.push_back(hashed(i) > 15000.0);
-  PatchOptions patches{uniform(1.0, 9.0), uniform(1.0, 9.0), uniform(1.0, 9.0), 0.3};
+  PatchOptions patches{uniform(1.0, 9.0), uniform(1.0, 9.0), uniform(1.0, 9.0), 0.3,
+                       SampleSubset::kAll};
   if (integer(0, 4) == 0) patches = PatchOptions::whole();
   const Grid grid = oblique_grid({integer(10, 40), integer(10, 40), integer(10, 40)},
                                  {uniform(0.5, 1.5), uniform(0.5, 1.5), uniform(0.5, 1.5)});

@@ -175,6 +175,47 @@ TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
   EXPECT_TRUE(cut_into_patches(us, cubes(4.0)).patches.empty());
 }
 
+/// Samples, lines and frames of all that counts.
+std::set<std::array<int, 3>> counting(const BeamUltrasound& us, const PatchOptions& options) {
+  const UltrasoundPatches patches = cut_into_patches(us, options);
+  const auto places = places_of(us.beams);
+  std::set<std::array<int, 3>> result;
+  for (std::size_t place = 0; place < patches.value.size(); ++place)
+    if (!is_filled_up(patches, place)) {
+      const Eigen::Vector3i at = places.at(position_at(patches, place));
+      result.insert({at.x(), at.y(), at.z()});
+    }
+  EXPECT_EQ(result.size(), patches.count);
+  return result;
+}
+
+/// A face-centred lattice: sample, line and frame sum to an even number.
+TEST(UltrasoundPatches, HalfOfTheSamplesAreEveryOtherOneWhateverThePatches) {
+  const BeamUltrasound us = noisy_ultrasound(downward_beams(9, 9, 9));
+  for (const double edge : {9.0, 3.0}) {
+    PatchOptions options = cubes(edge);
+    options.least_share = 1.0;
+    EXPECT_EQ(counting(us, options).size(), 729U);
+    options.samples = SampleSubset::kHalf;
+    const auto half = counting(us, options);
+    EXPECT_EQ(half.size(), 365U);
+    for (const auto& at : half) EXPECT_EQ((at[0] + at[1] + at[2]) % 2, 0);
+  }
+}
+
+TEST(UltrasoundPatches, LeastShareIsOfTheSamplesThatCount) {
+  BeamUltrasound us = noisy_ultrasound(downward_beams(8, 8, 8));
+  us.known.assign(us.brightness.size(), 0);
+  for (int beam = 0; beam < 64; ++beam)
+    for (int s = 0; s < 4; ++s) us.known[offset_of(us.beams, s, beam % 8, beam / 8)] = 1;
+  PatchOptions options = cubes(4.0);
+  options.samples = SampleSubset::kHalf;
+  options.least_share = 1.0;
+  EXPECT_EQ(counting(us, options).size(), 128U);
+  us.known[offset_of(us.beams, 0, 0, 0)] = 0;
+  EXPECT_EQ(counting(us, options).size(), 96U);
+}
+
 /// Both probes swing; the tables are even.
 ScanGeometry swinging(double scale, double depth_scale) {
   ScanGeometry geometry;
