@@ -72,5 +72,6 @@ if(NOT USCT_CORE_ONLY)
     add_test(NAME package_built_by_${variant}
       COMMAND ${package_tests}/build_variants.sh
         ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR} ${variant})
+    set_tests_properties(package_built_by_${variant} PROPERTIES RESOURCE_LOCK package_workspace)
   endforeach()
 endif()

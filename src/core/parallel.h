@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
 #include <exception>
+#include <map>
 #include <mutex>
 
 #include "us_ct_registration/progress.h"
@@ -44,6 +46,32 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
     }
   }
   if (failure) std::rethrow_exception(failure);
+}
+
+/// Runs `body(begin, end)` for ranges that make up [0, count), likewise; always the same ones, so
+/// that sums over ranges have the same bits with any number of threads.
+template <typename Body>
+void parallel_ranges(std::size_t count, const Body& body) {
+  constexpr std::size_t kAtOnce = std::size_t{1} << 15;
+  parallel_for(static_cast<int>((count + kAtOnce - 1) / kAtOnce), [&](int part) {
+    const std::size_t begin = static_cast<std::size_t>(part) * kAtOnce;
+    body(begin, std::min(count, begin + kAtOnce));
+  });
+}
+
+/// The sum of `part(begin, end)` over the same ranges.
+template <typename Part>
+double parallel_sum(std::size_t count, const Part& part) {
+  std::mutex adding;
+  std::map<std::size_t, double> sums;
+  parallel_ranges(count, [&](std::size_t begin, std::size_t end) {
+    const double sum = part(begin, end);
+    const std::lock_guard<std::mutex> lock(adding);
+    sums[begin] = sum;
+  });
+  double total = 0.0;
+  for (const auto& [begin, sum] : sums) total += sum;  // in their order
+  return total;
 }
 
 }  // namespace usct

@@ -5,11 +5,13 @@
 set -euo pipefail
 project=$1 build=$2 variant=$3
 source "$(dirname "$0")/sources.sh"
-work=$(mktemp -d)
+# The same place for all: ccache knows again what another of them compiled, though from another folder.
+work=$build/package_workspace
+rm -rf "$work"
+mkdir "$work"
 trap 'rm -rf "$work"' EXIT
 source_dir=$work/ws/src/us_ct_registration
-# Lets ccache know a file again at another place.
-export CCACHE_BASEDIR=$work CCACHE_NOHASHDIR=1
+export CCACHE_NOHASHDIR=1
 
 copy_sources() {  # as a user's checkout
   mkdir -p "$source_dir"

@@ -304,7 +304,7 @@ class Registration {
 
   static constexpr std::size_t kLeastPoints = 100;
   static constexpr int kLeastVoxels = 4;
-  static constexpr std::size_t kMostOptima = 8;
+  static constexpr std::size_t kMostOptima = 16;
   /// How far starts of a near round are spread, as a share of the others.
   static constexpr double kNear = 0.5;
   /// A second optimum closer than this is the slope of the first, mm.

@@ -21,18 +21,18 @@ struct Statistics {
 };
 
 Statistics statistics(const std::vector<float>& values, const std::vector<std::uint8_t>& reasons) {
-  double count = 0.0;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    if (reasons[i] == 0) {
-      count += 1.0;
-      sum += values[i];
-    }
+  const auto sum_of = [&](const auto& term) {
+    return parallel_sum(values.size(), [&](std::size_t begin, std::size_t end) {
+      double sum = 0.0;
+      for (std::size_t i = begin; i < end; ++i)
+        if (reasons[i] == 0) sum += term(values[i]);
+      return sum;
+    });
+  };
+  const double count = sum_of([](float) { return 1.0; });
   if (count == 0.0) return {};
-  const double mean = sum / count;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    if (reasons[i] == 0) squares += (values[i] - mean) * (values[i] - mean);
+  const double mean = sum_of([](float value) { return value; }) / count;
+  const double squares = sum_of([&](float value) { return (value - mean) * (value - mean); });
   return {mean, std::sqrt(squares / count)};
 }
 
@@ -41,8 +41,10 @@ template <typename Function>
 std::vector<float> where_counting(const ConditionedUltrasound& us, const std::vector<float>& values,
                                   const Function& function) {
   std::vector<float> result(values.size());
-  for (std::size_t i = 0; i < values.size(); ++i)
-    if (us.reasons[i] == 0) result[i] = function(values[i], i);
+  parallel_ranges(values.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (us.reasons[i] == 0) result[i] = function(values[i], i);
+  });
   return result;
 }
 

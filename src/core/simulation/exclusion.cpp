@@ -62,16 +62,20 @@ class Exclusion {
   /// Speckle averaged, over what is known.
   void smooth() {
     std::vector<float> weight(soft_.size());
-    for (std::size_t i = 0; i < soft_.size(); ++i)
-      if (is_known(i)) {
-        weight[i] = 1.0F;
-        soft_[i] = us_.brightness[i];
-      }
+    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        if (is_known(i)) {
+          weight[i] = 1.0F;
+          soft_[i] = us_.brightness[i];
+        }
+    });
     const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
     soft_ = sums(soft_);
     weight = sums(weight);
-    for (std::size_t i = 0; i < soft_.size(); ++i)
-      if (is_known(i)) soft_[i] /= weight[i];
+    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        if (is_known(i)) soft_[i] /= weight[i];
+    });
   }
 
   /// What is usual at a depth: the median over the beams that know it; not a number where none
@@ -170,9 +174,10 @@ class Exclusion {
   /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
   /// that decile is already the wall's.
   double wall_grey() const {
+    constexpr int kBeams = 2000;  // are enough
+    const int step = std::max(1, beams_ / kBeams);
     std::vector<float> values;
-    values.reserve(soft_.size() * 2 / 3);
-    for (int beam = 0; beam < beams_; ++beam)
+    for (int beam = 0; beam < beams_; beam += step)
       for (int s = 0; s < samples_ * 2 / 3; ++s)
         if (is_known(at(beam, s)) && axial_.depth_mm(s) >= result_.min_depth_mm)
           values.push_back(soft_[at(beam, s)]);
