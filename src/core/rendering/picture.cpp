@@ -1,8 +1,9 @@
 #include "us_ct_registration/rendering/picture.h"
 
+#include <png.h>
+
 #include <algorithm>
 #include <numeric>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "us_ct_registration/error.h"
@@ -67,12 +68,17 @@ void write_png(const Picture& picture, const std::filesystem::path& path) {
   if (path.extension() != ".png")
     throw InputError(path.string(),
                      "has extension '" + path.extension().string() + "', a picture's must be .png");
-  Picture copy = picture;
-  cv::Mat bgr;
-  cv::cvtColor(as_mat(copy), bgr, cv::COLOR_RGB2BGR);
+  // Not by OpenCV, whose codecs bring a hundred libraries: every start of usct would wait for them.
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  image.width = static_cast<png_uint_32>(picture.width);
+  image.height = static_cast<png_uint_32>(picture.height);
+  image.format = PNG_FORMAT_RGB;
   write_atomically(path, [&](const std::filesystem::path& temporary) {
-    if (!cv::imwrite(temporary.string(), bgr))
-      throw InputError(path.string(), "the picture cannot be written");
+    if (png_image_write_to_file(&image, temporary.c_str(), 0, picture.pixels.data(), 0, nullptr) ==
+        0)
+      throw InputError(path.string(),
+                       std::string("the picture cannot be written: ") + image.message);
   });
 }
 
