@@ -6,9 +6,10 @@ set -euo pipefail
 project=$1 build=$2 variant=$3
 source "$(dirname "$0")/sources.sh"
 # The same place for all: ccache knows again what another of them compiled, though from another folder.
-work=$build/package_workspace
+# Not below the project, where rospack would find a second package of its name.
+work=${TMPDIR:-/tmp}/us_ct_registration_package_test_$UID
 rm -rf "$work"
-mkdir "$work"
+mkdir -m 700 "$work"
 trap 'rm -rf "$work"' EXIT
 source_dir=$work/ws/src/us_ct_registration
 export CCACHE_NOHASHDIR=1
