@@ -232,6 +232,8 @@ class Registration {
 
   /// What is to be said of the best optimum, and of what the last stage made of it.
   void measure() {
+    result_.measures.clear();  // those of an earlier round
+    result_.covariance.reset();
     const Candidate& optimum = optima_.front();
     const registration::Background background =
         poses_->of(*levels_[decisive()].similarity, optimum, *search_);
