@@ -9,6 +9,7 @@
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/simulation/decimation.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::ros_interface {
@@ -42,6 +43,18 @@ std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing
     add_line(volume, beams, beams.frames / 2, line, step, points);
   for (int frame = 0; frame < beams.frames; ++frame)
     if (frame != beams.frames / 2) add_line(volume, beams, frame, beams.lines / 2, step, points);
+  return points;
+}
+
+std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm) {
+  const BeamUltrasound recorded = along_beams(volume);
+  const BeamUltrasound us = decimate(recorded, factors_for_spacing(recorded.beams, spacing_mm));
+  std::vector<CloudPoint> points;
+  points.reserve(us.brightness.size());
+  for (int frame = 0; frame < us.beams.frames; ++frame)
+    for (int line = 0; line < us.beams.lines; ++line)
+      for (int sample = 0; sample < us.beams.samples(); ++sample)
+        points.push_back({us.beams.point(frame, line, sample), us.brightness[points.size()]});
   return points;
 }
 
@@ -103,10 +116,12 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   fixed_frame_ = parameters.text("fixed_frame", "");
   acquired_frame_ = parameters.text("acquired_frame", "us_acquired");
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
+  volume_spacing_mm_ = kMmPerM * parameters.number("volume_spacing", 0.002, 1e-4, 0.1);
   surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
   tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
   parameters.finish();
   us_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/cloud", 1, true);
+  volume_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/volume_cloud", 1, true);
   ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud", 1, true);
   surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_placed", 1, true);
@@ -120,18 +135,21 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
   std::vector<CloudPoint> fans = crossed_fans(us, spacing_mm_);
+  std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
   std_msgs::Header header = message->header;
   if (!fixed_frame_.empty()) {
     geometry_msgs::TransformStamped fixed_us =
         tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
     const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
-    for (CloudPoint& point : fans) point.p_mm = T_fixed_us * point.p_mm;
+    for (std::vector<CloudPoint>* points : {&fans, &whole})
+      for (CloudPoint& point : *points) point.p_mm = T_fixed_us * point.p_mm;
     header.frame_id = fixed_frame_;
     fixed_us.child_frame_id = acquired_frame_;
     fixed_us.transform = to_message(T_fixed_us * T_us_middle(us.geometry));
     broadcaster_.sendTransform(fixed_us);
   }
   us_publisher_.publish(to_message(fans, header));
+  volume_publisher_.publish(to_message(whole, header));
   {
     const std::lock_guard lock(mutex_);
     header_ = header;

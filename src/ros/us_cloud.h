@@ -31,6 +31,9 @@ struct CloudPoint {
 /// the US frame. Along the lines every so many samples that they are `spacing_mm` apart, or more.
 std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm);
 
+/// The whole volume, in the US frame, averaged to about `spacing_mm` along lines and across them.
+std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm);
+
 /// The CT (HU) at the same places; those outside it are left out.
 std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,
                               const Eigen::Isometry3d& T_ct_points);
@@ -45,8 +48,8 @@ visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& su
                                        const us_ct_registration::Alignment& alignment,
                                        double alpha);
 
-/// The node `us_cloud`: for rviz, ultrasound and the CT on the same fans as clouds, and the CT's
-/// surfaces (rviz drops those that arrive before tf has the CT).
+/// The node `us_cloud`: for rviz, ultrasound (two fans, and the volume) and the CT on the same fans
+/// as clouds, and the CT's surfaces (rviz drops those that arrive before tf has the CT).
 ///
 /// Both are published in the fixed frame, where they stay when the probe moves away; tf gets a
 /// frame there as well, to look at. docs/nodes/us_cloud.md.
@@ -65,6 +68,7 @@ class UsCloud {
   std::string fixed_frame_;
   std::string acquired_frame_;
   double spacing_mm_ = 0.0;
+  double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
   ::ros::Duration tf_timeout_;
   std::mutex mutex_;
@@ -78,6 +82,7 @@ class UsCloud {
   tf2_ros::TransformListener tf_listener_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;
+  ::ros::Publisher volume_publisher_;
   ::ros::Publisher ct_publisher_;
   ::ros::Publisher surface_publisher_;
   ::ros::Subscriber us_subscriber_;

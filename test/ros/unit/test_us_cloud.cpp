@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include <set>
+
 #include "ros/us_cloud.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
 
@@ -39,6 +41,31 @@ TEST(CrossedFans, LeaveSamplesOutThatAreCloserThanTheSpacing) {
   // 0.8 mm is two samples: 0, 2, 4, 6.
   EXPECT_EQ(crossed_fans(volume(), 0.8).size(), 4u * (3 + 4));
   EXPECT_EQ(crossed_fans(volume(), 0.9).size(), 3u * (3 + 4));
+}
+
+TEST(WholeVolume, HasEverySampleWhereItLies) {
+  const PreScanVolume us = volume();
+  const std::vector<CloudPoint> points = whole_volume(us, 0.1);
+  ASSERT_EQ(points.size(), 7u * 3 * 5);
+  std::set<int> codes;
+  for (const CloudPoint& point : points) {
+    const int code = static_cast<int>(point.intensity);
+    const Vector3d expected =
+        us_from_scan(us.geometry, {1.0 * (code % 10), 1.0 * (code % 40 / 10), 1.0 * (code / 40)});
+    EXPECT_LT((point.p_mm - expected).norm(), 1e-9) << code;
+    codes.insert(code);
+  }
+  EXPECT_EQ(codes.size(), points.size());
+}
+
+TEST(WholeVolume, IsAveragedToTheSpacing) {
+  // 0.8 mm is two samples; lines and frames are millimetres apart. Of seven samples the last is
+  // left.
+  const PreScanVolume us = volume();
+  const std::vector<CloudPoint> points = whole_volume(us, 0.8);
+  ASSERT_EQ(points.size(), 3u * 3 * 5);
+  EXPECT_EQ(points.front().intensity, 0.5F);
+  EXPECT_LT((points.front().p_mm - us_from_scan(us.geometry, {0.5, 0.0, 0.0})).norm(), 1e-9);
 }
 
 TEST(CtAt, SamplesTheCtAtThePlacesAndLeavesOutWhatIsOutsideIt) {
