@@ -24,15 +24,20 @@ void add_line(const PreScanVolume& volume, const BeamGrid& beams, int frame, int
         {beams.point(frame, line, sample), static_cast<float>(volume.at(sample, line, frame))});
 }
 
-/// The array, for a view to follow: a tracked sweep's frame is the tracker's, which may be far
-/// away.
-Eigen::Isometry3d T_us_middle(const ScanGeometry& geometry) {
+}  // namespace
+
+Eigen::Isometry3d T_us_acquired(const ScanGeometry& geometry) {
   const auto* tracked = std::get_if<TrackedSweep>(&geometry.motion);
   if (tracked == nullptr || tracked->T_us_frame.empty()) return Eigen::Isometry3d::Identity();
   return tracked->T_us_frame[tracked->T_us_frame.size() / 2];
 }
 
-}  // namespace
+Eigen::Isometry3d T_us_field(const ScanGeometry& geometry) {
+  const BeamGrid beams = beam_grid(geometry);
+  Eigen::Isometry3d T = T_us_acquired(geometry);
+  T.translation() = beams.point(beams.frames / 2, beams.lines / 2, beams.samples() / 2);
+  return T;
+}
 
 std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm) {
   const BeamGrid beams = beam_grid(volume.geometry);
@@ -115,6 +120,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   Parameters parameters(private_node);
   fixed_frame_ = parameters.text("fixed_frame", "");
   acquired_frame_ = parameters.text("acquired_frame", "us_acquired");
+  field_frame_ = parameters.text("field_frame", "us_field");
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
   volume_spacing_mm_ = kMmPerM * parameters.number("volume_spacing", 0.002, 1e-4, 0.1);
   surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
@@ -138,15 +144,19 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
   std_msgs::Header header = message->header;
   if (!fixed_frame_.empty()) {
-    geometry_msgs::TransformStamped fixed_us =
+    const geometry_msgs::TransformStamped fixed_us =
         tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
     const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
     for (std::vector<CloudPoint>* points : {&fans, &whole})
       for (CloudPoint& point : *points) point.p_mm = T_fixed_us * point.p_mm;
     header.frame_id = fixed_frame_;
-    fixed_us.child_frame_id = acquired_frame_;
-    fixed_us.transform = to_message(T_fixed_us * T_us_middle(us.geometry));
-    broadcaster_.sendTransform(fixed_us);
+    geometry_msgs::TransformStamped acquired = fixed_us;
+    acquired.child_frame_id = acquired_frame_;
+    acquired.transform = to_message(T_fixed_us * T_us_acquired(us.geometry));
+    geometry_msgs::TransformStamped field = fixed_us;
+    field.child_frame_id = field_frame_;
+    field.transform = to_message(T_fixed_us * T_us_field(us.geometry));
+    broadcaster_.sendTransform({acquired, field});
   }
   us_publisher_.publish(to_message(fans, header));
   volume_publisher_.publish(to_message(whole, header));

@@ -34,6 +34,13 @@ std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing
 /// The whole volume, in the US frame, averaged to about `spacing_mm` along lines and across them.
 std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm);
 
+/// The US frame; of a tracked sweep, whose US frame is the tracker's and may be far away, the frame
+/// of its middle image. mm.
+Eigen::Isometry3d T_us_acquired(const ScanGeometry& geometry);
+
+/// The middle sample of the middle line of the middle frame, with the axes of `T_us_acquired`. mm.
+Eigen::Isometry3d T_us_field(const ScanGeometry& geometry);
+
 /// The CT (HU) at the same places; those outside it are left out.
 std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,
                               const Eigen::Isometry3d& T_ct_points);
@@ -51,8 +58,8 @@ visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& su
 /// The node `us_cloud`: for rviz, ultrasound (two fans, and the volume) and the CT on the same fans
 /// as clouds, and the CT's surfaces (rviz drops those that arrive before tf has the CT).
 ///
-/// Both are published in the fixed frame, where they stay when the probe moves away; tf gets a
-/// frame there as well, to look at. docs/nodes/us_cloud.md.
+/// Both are published in the fixed frame, where they stay when the probe moves away; tf gets two
+/// frames there as well, to look at. docs/nodes/us_cloud.md.
 class UsCloud {
  public:
   UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
@@ -67,6 +74,7 @@ class UsCloud {
 
   std::string fixed_frame_;
   std::string acquired_frame_;
+  std::string field_frame_;
   double spacing_mm_ = 0.0;
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;

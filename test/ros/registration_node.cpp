@@ -88,6 +88,7 @@ class RegistrationClient {
       const std::lock_guard<std::mutex> lock(mutex_);
       published_.push_back(*result);
     });
+    EXPECT_TRUE(eventually([&] { return results_.getNumPublishers() > 0; }));
     EXPECT_TRUE(service.waitForExistence(kLimit));
     EXPECT_TRUE(set_service.waitForExistence(kLimit));
   }

@@ -133,6 +133,7 @@ class TestRealData(unittest.TestCase):
         run([usct(), "slices", "--us", str(us), "--ct", str(CT), "--transform", str(transform), "--quiet", "--output",
              f"{PICTURES}/{name}.png", *map(str, options)], None)
         if self.rviz:
+            wait_for(lambda: "/rviz" in run(["rostopic", "info", "/us/cloud"], self.system.environment), "rviz")
             time.sleep(5)  # until rviz has drawn what it got
             run(["import", "-window", "root", f"{PICTURES}/{name}_rviz.png"], self.system.environment)
 
@@ -173,14 +174,15 @@ class TestRealData(unittest.TestCase):
             self.draw(f"kidney_{side}", kidney.case / "us.nrrd", found, "--points", kidney.case / "targets.csv")
 
     def seen(self, stamp_s):
-        """What a third party gets: the volume and the cloud of it, or None while they are not of that time."""
+        """What a third party gets: the volume and the clouds of it, or None while they are not of that time."""
         bag = self.folder / "seen.bag"
-        run(["rosbag", "record", "--quiet", "--limit", "1", "--output-name", str(bag), "/us/volume", "/us/cloud"],
+        topics = "/us/volume", "/us/cloud", "/us/volume_cloud"
+        run(["rosbag", "record", "--quiet", "--limit", "1", "--output-name", str(bag), *topics],
             self.system.environment)
         with rosbag.Bag(str(bag)) as recorded:
             found = {topic: message for topic, message, _ in recorded.read_messages()}
         stamps = [message.header.stamp.to_sec() for message in found.values()]
-        return (found["/us/volume"], found["/us/cloud"]) if numpy.allclose(stamps, stamp_s, atol=1e-4, rtol=0) else None
+        return [found[topic] for topic in topics] if numpy.allclose(stamps, stamp_s, atol=1e-4, rtol=0) else None
 
     def expect_volume(self, volume, sweep):
         """Frame by frame what the file holds."""
@@ -217,6 +219,20 @@ class TestRealData(unittest.TestCase):
         self.assertLess(apart_mm.max(), 0.1)
         numpy.testing.assert_allclose(intensities, crossed(sweep.pictures.samples()), rtol=0, atol=0.6)
 
+    def expect_volume_cloud(self, cloud, sweep, pose):
+        """All of the sweep where the robot had it, averaged to 2 mm."""
+        self.assertEqual(cloud.header.frame_id, "patient")
+        T = T_fixed_us(POSES[pose])
+        points_mm, intensities = points_of(cloud)
+        recorded_mm = sweep.pictures.points_us_mm().reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        samples = sweep.pictures.samples()
+        print(f"volume cloud: {len(points_mm)} points of {samples.size} samples")
+        self.assertLess(len(points_mm), samples.size / 4)
+        # Half a cell, and what does not fill one at an end is left out.
+        for extreme in (numpy.min, numpy.max):
+            numpy.testing.assert_allclose(extreme(points_mm, 0), extreme(recorded_mm, 0), rtol=0, atol=4.0)
+        self.assertAlmostEqual(intensities.mean(), samples.mean(), delta=0.02 * samples.mean())
+
     def expect_refusal(self, sweep):
         """A CT of somebody else, though the initial alignment makes sense."""
         self.system.client("initial", sweep.initial)
@@ -238,11 +254,12 @@ class TestRealData(unittest.TestCase):
         override.write_text("us_ingest: {pose_frame: us}\n")
         self.start(sweep, "run_us_cloud:=true", f"override:={override}")
         self.system.play(0)
-        volume, cloud = wait_for(lambda: self.seen(sweep.stamps_s()[-1]), "the volume and its cloud")
+        volume, cloud, volume_cloud = wait_for(lambda: self.seen(sweep.stamps_s()[-1]), "the volume and its clouds")
         print(f"{name}: {volume.frames} frames of {volume.lines} lines of {volume.samples} samples, "
               f"{sweep.stamps_s()[-1] - sweep.stamps_s()[0]:.3f} s")
         self.expect_volume(volume, sweep)
         self.expect_cloud(cloud, sweep, 0)
+        self.expect_volume_cloud(volume_cloud, sweep, 0)
         self.expect_refusal(sweep)
         assembled = self.folder / f"{name}.nrrd"
         run([usct(), "bag", "read", str(self.folder / "seen.bag"), "--us", str(assembled)], None)

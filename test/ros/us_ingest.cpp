@@ -57,6 +57,10 @@ class Inbox {
   bool wait(std::size_t count) const {
     return wait_for([&] { return all().size() >= count; });
   }
+  /// Of two messages that are sent before this, only the last may come: latched.
+  bool wait_for_publisher() const {
+    return wait_for([&] { return subscriber_.getNumPublishers() > 0; });
+  }
 
  private:
   mutable std::mutex mutex_;
@@ -108,6 +112,7 @@ class Streaming : public testing::TestWithParam<const char*> {
         frames_(node_.advertise<msg::PreScanFrame>(space_ + "/us/frames", 1000)),
         tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)) {
     EXPECT_TRUE(wait_for([&] { return frames_.getNumSubscribers() == 1; }));
+    EXPECT_TRUE(volumes_.wait_for_publisher());
     // A volume of an earlier test is latched and comes first.
     const int earlier = streamed[space_] > 0 ? 1 : 0;
     EXPECT_TRUE(volumes_.wait(static_cast<std::size_t>(earlier)));

@@ -68,6 +68,22 @@ TEST(WholeVolume, IsAveragedToTheSpacing) {
   EXPECT_LT((points.front().p_mm - us_from_scan(us.geometry, {0.5, 0.0, 0.0})).norm(), 1e-9);
 }
 
+TEST(Field, LiesInTheMiddleOfWhatIsSeenAndIsTurnedLikeTheUltrasound) {
+  PreScanVolume us = volume();
+  EXPECT_TRUE(T_us_acquired(us.geometry).isApprox(Eigen::Isometry3d::Identity()));
+  EXPECT_TRUE(T_us_field(us.geometry).linear().isApprox(Eigen::Matrix3d::Identity()));
+  // The motor stands at 0: 3 samples of 0.4 mm below the start depth and the radius.
+  EXPECT_LT((T_us_field(us.geometry).translation() - Vector3d(0.0, 44.2, 0.0)).norm(), 1e-9);
+
+  const Eigen::Isometry3d T_us_image =
+      Eigen::Translation3d(500.0, 0.0, 0.0) * Eigen::AngleAxisd(M_PI / 2.0, Vector3d::UnitZ());
+  us.geometry.motion =
+      TrackedSweep{{Eigen::Isometry3d::Identity(), T_us_image, Eigen::Isometry3d::Identity()}, {}};
+  EXPECT_TRUE(T_us_acquired(us.geometry).isApprox(T_us_image));
+  EXPECT_TRUE(T_us_field(us.geometry).linear().isApprox(T_us_image.linear()));
+  EXPECT_LT((T_us_field(us.geometry).translation() - Vector3d(455.8, 0.0, 0.0)).norm(), 1e-9);
+}
+
 TEST(CtAt, SamplesTheCtAtThePlacesAndLeavesOutWhatIsOutsideIt) {
   Grid grid;
   grid.size = {10, 10, 10};
