@@ -87,8 +87,8 @@ struct RegistrationOptions {
   /// Coarse to fine; at least one. All but the last are the search.
   std::vector<StageOptions> stages;
   /// Where the search finds nothing that passes the gates, it goes on: each round has four times
-  /// the starts of the one before, and optimises and keeps four times as many; every other one
-  /// spreads them half as far and climbs at the decisive stage alone; [1, 6].
+  /// the starts of the one before, and optimises and keeps at least four times as many; every other
+  /// one spreads them half as far and climbs at the decisive stage alone; [1, 6].
   int rounds = 1;
   /// Optima closer than this (mean displacement of the field of view) are one, mm.
   double distinct_mm = 4.0;

@@ -157,8 +157,15 @@ class Registration {
     }
   }
 
-  /// How much more is done in a round than in the first.
+  /// How many times as many starts a round has as the first.
   static std::size_t effort(int round) { return std::size_t{1} << (2 * round); }
+
+  /// How many times as many optima of a stage it climbs to and keeps: what earlier rounds did not
+  /// find is one of many equals at the coarse stages.
+  std::size_t breadth(std::size_t stage, int round) const {
+    if (round == 0) return 1;
+    return effort(round) * (stage == decisive() ? 2 : 4);
+  }
 
   /// Every other round looks near the initial pose, but closely: what only the decisive stage shows
   /// has a narrow peak, which is found where starts are dense.
@@ -200,7 +207,7 @@ class Registration {
     const StageOptions& stage = options_.stages[at];
     const Similarity& similarity = *levels_[at].similarity;
     search_->evaluate(similarity, candidates);
-    Search::sort(candidates, effort(round) * static_cast<std::size_t>(optimised));
+    Search::sort(candidates, breadth(at, round) * static_cast<std::size_t>(optimised));
     // Whoever gave the initial pose meant it: it is climbed from at every stage.
     if (at > 0 && round == 0) {
       std::vector<Candidate> initial{initial_};
@@ -209,7 +216,7 @@ class Registration {
     }
     search_->optimise(similarity, stage, candidates);
     return search_->best_distinct(std::move(candidates),
-                                  effort(round) * static_cast<std::size_t>(stage.kept));
+                                  breadth(at, round) * static_cast<std::size_t>(stage.kept));
   }
 
   /// The last stage, from the best optimum.
