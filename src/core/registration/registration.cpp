@@ -147,6 +147,7 @@ class Registration {
       if (optima_.empty() || !std::isfinite(optima_.front().value))
         throw Refusal{RegistrationStatus::kNoOverlap,
                       "no pose in reach has CT and ultrasound overlap"};
+      drop_distant();
       result_.seconds["search"] += watch.lap();
       polish();
       watch.lap();
@@ -217,6 +218,16 @@ class Registration {
     search_->optimise(similarity, stage, candidates);
     return search_->best_distinct(std::move(candidates),
                                   breadth(at, round) * static_cast<std::size_t>(stage.kept));
+  }
+
+  /// What would be refused for its distance, and is pulled apart as well, does not stand in the way
+  /// of the next best.
+  void drop_distant() {
+    while (optima_.size() > 1 &&
+           search_->distance_mm(optima_.front().T_us_ct, initial_.T_us_ct) >
+               options_.confidence.max_displacement_mm &&
+           !holds_together(optima_.front()))
+      optima_.erase(optima_.begin());
   }
 
   /// The last stage, from the best optimum.
