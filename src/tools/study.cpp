@@ -75,11 +75,16 @@ RegistrationOptions options_of(const StudyCommand& command) {
   return options;
 }
 
-Register registers_with(const StudyCommand& command) {
+BeamOptions beams_for(const StudyCommand& command) {
   BeamOptions beams;
   if (command.parallel_beams_mm > 0.0) beams.parallel_beams_mm = command.parallel_beams_mm;
-  return [options = options_of(command), beams](const PreScanVolume& ultrasound, const CtVolume& ct,
-                                                const Eigen::Isometry3d& T_us_ct_initial) {
+  return beams;
+}
+
+Register registers_with(const StudyCommand& command) {
+  return [options = options_of(command), beams = beams_for(command)](
+             const PreScanVolume& ultrasound, const CtVolume& ct,
+             const Eigen::Isometry3d& T_us_ct_initial) {
     return register_ultrasound(beams_of(ultrasound, beams).along, ct, T_us_ct_initial, options);
   };
 }
@@ -117,7 +122,8 @@ void print_tables(const StudyCommand& command, const std::vector<StudyCase>& cas
     return;
   }
   std::printf("%s\n", accuracy_markdown(runs, bin_edges_mm(command.study, trials)).c_str());
-  if (command.thesis_table) std::printf("%s\n", thesis_markdown(cases, runs).c_str());
+  if (command.thesis_table)
+    std::printf("%s\n", thesis_markdown(cases, runs, beams_for(command)).c_str());
   std::printf("%s", calibration_markdown(runs).c_str());
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "us_ct_registration/evaluation/study.h"
+#include "us_ct_registration/simulation/ultrasound_beams.h"
 
 /// A study in writing: Markdown for people, JSON for programs.
 namespace usct {
@@ -15,9 +16,11 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
                               const std::vector<double>& bin_edges_mm);
 
 /// Per case, as tables 5.1 and 5.2 of the thesis: mean and deviation of the error of the runs that
-/// converged, size and spacing of the ultrasound, time per run; beside them what the thesis says
-/// in its text, how many runs there were and the share that converged.
-std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs);
+/// converged, size and spacing of the ultrasound as it was registered (along `beams`), time per
+/// run; beside them what the thesis says in its text, how many runs there were and the share that
+/// converged.
+std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
+                            const BeamOptions& beams = {});
 
 /// Negative trials, by kind.
 std::string negatives_markdown(const std::vector<StudyRun>& runs);

@@ -67,6 +67,17 @@ std::string spacing_of(const ScanGeometry& geometry) {
   return spacing + "tracked)";
 }
 
+/// Size and spacing, of the Cartesian volume where beams are parallel.
+std::pair<std::string, std::string> size_and_spacing(const PreScanVolume& ultrasound,
+                                                     const BeamOptions& beams) {
+  if (!beams.parallel_beams_mm)
+    return {size_of(ultrasound.geometry), spacing_of(ultrasound.geometry)};
+  const Grid grid = *beams_of(ultrasound, beams).grid;
+  const Eigen::Vector3d& mm = grid.spacing_mm;
+  return {text("(%d, %d, %d)", grid.size.x(), grid.size.y(), grid.size.z()),
+          text("(%.2f mm, %.2f mm, %.2f mm)", mm.x(), mm.y(), mm.z())};
+}
+
 Json number_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json errors_json(const TargetErrors& errors) {
@@ -159,18 +170,19 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
   return table;
 }
 
-std::string thesis_markdown(const std::vector<StudyCase>& cases,
-                            const std::vector<StudyRun>& runs) {
+std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
+                            const BeamOptions& beams) {
   std::string table = header({"phantom", "tests", "converged (%)", "mean TRE (mm)", "STD (mm)",
                               "US size", "US spacing", "avg. time/test (s)"});
   for (const GroupStatistics& statistics : statistics_by_case(runs, {}))
     for (const StudyCase& study_case : cases)
-      if (study_case.name == statistics.name)
-        table +=
-            row({statistics.name, std::to_string(statistics.runs),
-                 percent(statistics.success_rate()), number(statistics.succeeded.mean),
-                 number(statistics.succeeded.deviation), size_of(study_case.ultrasound.geometry),
-                 spacing_of(study_case.ultrasound.geometry), number(statistics.seconds.mean)});
+      if (study_case.name == statistics.name) {
+        const auto [size, spacing] = size_and_spacing(study_case.ultrasound, beams);
+        table += row({statistics.name, std::to_string(statistics.runs),
+                      percent(statistics.success_rate()), number(statistics.succeeded.mean),
+                      number(statistics.succeeded.deviation), size, spacing,
+                      number(statistics.seconds.mean)});
+      }
   return table;
 }
 

@@ -11,6 +11,7 @@
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
 #include "us_ct_registration/evaluation/study_report.h"
+#include "us_ct_registration/geometry/scan_conversion.h"
 #include "us_ct_registration/io/points_io.h"
 #include "us_ct_registration/io/prescan_nrrd.h"
 #include "us_ct_registration/io/transform_io.h"
@@ -268,6 +269,19 @@ TEST(StudyReport, ThesisTableIsPerCase) {
       table.find("| b_1 | 3 | 66.7 | 1.50 | 0.71 | (24, 12, 6) | (4.00 mm, 2.86 deg, 5.73 deg) "
                  "| 4.00 |"),
       std::string::npos)
+      << table;
+}
+
+TEST(StudyReport, ThesisTableTellsTheSizeOfWhatIsRegistered) {
+  const StudyCase study_case = small_case("b_1", 1);
+  BeamOptions parallel;
+  parallel.parallel_beams_mm = 8.0;
+  const Grid grid = fan_grid(study_case.ultrasound.geometry, 8.0);
+  const std::string table =
+      thesis_markdown({study_case}, {run_with_error("b", 1.0, 3.0, 2.0)}, parallel);
+  EXPECT_NE(table.find("(" + std::to_string(grid.size.x()) + ", " + std::to_string(grid.size.y()) +
+                       ", " + std::to_string(grid.size.z()) + ") | (8.00 mm, 8.00 mm, 8.00 mm)"),
+            std::string::npos)
       << table;
 }
 
