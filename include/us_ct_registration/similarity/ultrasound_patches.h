@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <limits>
 #include <string>
@@ -66,6 +67,10 @@ struct UltrasoundPatches {
   struct Block {
     std::size_t begin = 0;
     std::size_t rows = 0;
+    /// Those at the beginning that nothing fills up.
+    std::size_t full_rows = 0;
+    /// Around its samples, US mm.
+    Eigen::AlignedBox3f box;
   };
 
   /// Per sample: position in the US frame, mm, and ultrasound minus the mean of its patch.

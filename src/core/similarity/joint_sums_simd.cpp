@@ -99,38 +99,53 @@ void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
 
-template <bool kMoved>
-JointSums sum_all(const JointSumsInput& in) {
-  const UltrasoundPatches& us = in.samples.us;
-  const Constants constants(in.samples);
-  const std::size_t knots =
-      static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
-  const std::size_t table_size =
-      kPerCell * static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
-  LargeVector<float> tables(kTables * table_size);  // aligned
-  JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
-  const Knots places(in);
+/// Adds the samples [s, end) to the tables; returns how many lie in the CT.
+template <Where kWhere>
+std::size_t add_samples(const JointSumsInput& in, const Constants& constants, const Knots& places,
+                        std::size_t s, std::size_t end, LargeVector<float>& tables) {
+  const std::size_t table_size = tables.size() / kTables;
   const VF background = hn::Set(df, constants.background);
+  const VF zero = hn::Zero(df);
   std::size_t inside = 0;
   Shares shares;
-  for (std::size_t s = 0; s < us.value.size(); s += hn::Lanes(df)) {
-    const Cells cells = fetch<kMoved>(us, constants, s);
+  for (; s < end; s += hn::Lanes(df)) {
+    const Cells cells = fetch<kWhere>(in.samples.us, constants, s);
     const Sampled ct = interpolate(cells);
-    inside += hn::CountTrue(df, cells.inside);
-    share(places, hn::IfThenElse(cells.inside, ct.value, background),
-          hn::IfThenElseZero(cells.inside, magnitude(constants, ct)),
+    inside += count_inside<kWhere>(cells);
+    share(places, if_inside<kWhere>(cells, ct.value, background),
+          if_inside<kWhere>(cells, magnitude(constants, ct), zero),
           hn::LoadU(df, in.ultrasound + s), shares);
     for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
       add(shares, lane, tables.data() + (lane % kTables) * table_size);
-    if ((s + hn::Lanes(df)) % kBeforeFlush == 0) flush(in, tables, sums);
+  }
+  return inside;
+}
+
+JointSums joint_sums(const JointSumsInput& in) {
+  const Constants constants(in.samples);
+  const Knots places(in);
+  const std::size_t knots =
+      static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
+  const std::size_t cells =
+      static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
+  LargeVector<float> tables(kTables * kPerCell * cells);  // aligned
+  JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
+  const auto add_rest = is_moved(in.samples.errors) ? add_samples<Where::kMoved>
+                                                    : add_samples<Where::kAnywhere>;
+  std::size_t inside = 0;
+  std::size_t flushed = 0;  // samples
+  for (const UltrasoundPatches::Block& block : in.samples.us.blocks) {
+    const std::size_t rest = block.begin + rows_inside(in.samples, block) * kLanes;
+    const std::size_t end = block.begin + block.rows * kLanes;
+    inside += add_samples<Where::kInside>(in, constants, places, block.begin, rest, tables);
+    inside += add_rest(in, constants, places, rest, end, tables);
+    if (end - flushed < kBeforeFlush) continue;
+    flush(in, tables, sums);
+    flushed = end;
   }
   flush(in, tables, sums);
   sums.inside = static_cast<double>(inside);
   return sums;
-}
-
-JointSums joint_sums(const JointSumsInput& in) {
-  return is_moved(in.samples.errors) ? sum_all<true>(in) : sum_all<false>(in);
 }
 
 #endif

@@ -28,6 +28,20 @@ inline bool is_moved(const AcquisitionErrors& errors) {
   return errors.depth != 0.0 || errors.sweep != 0.0;
 }
 
+/// How many rows of a block have all their samples within the CT, as far as its box tells: all that
+/// are full, or none. They need not be looked at one by one.
+inline std::size_t rows_inside(const PatchKernelInput& in, const UltrasoundPatches::Block& block) {
+  if (is_moved(in.errors)) return 0;
+  constexpr double kRounding = 0.01;  // of indices, in single precision
+  const Eigen::Vector3d centre = in.T_index_us * block.box.center().cast<double>();
+  const Eigen::Vector3d half =
+      in.T_index_us.linear().cwiseAbs() * block.box.sizes().cast<double>() / 2.0;
+  const Eigen::Vector3d last = (in.ct.grid().size.array() - 1).cast<double>();
+  const bool inside = ((centre - half).array() > kRounding).all() &&
+                      ((centre + half).array() < last.array() - kRounding).all();
+  return inside ? block.full_rows : 0;
+}
+
 /// Of all samples of the ultrasound.
 inline double mean_of(const UltrasoundPatches& us) {
   double sum = 0.0;

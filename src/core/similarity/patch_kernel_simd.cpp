@@ -44,59 +44,80 @@ HWY_INLINE VF gradient_of(const UltrasoundPatches& us, const Constants& k, std::
                                        hn::Mul(ct.gk, turned(k.m[2], dx, dy, dz, zero)))));
 }
 
-/// The strands of one vector, from sample `s` on.
-template <GradientChannel kChannel, bool kMoved>
-HWY_INLINE void sum_lanes(const UltrasoundPatches& us, const Constants& k, std::size_t s,
-                          std::size_t rows, StrandSums& sums, std::size_t lane) {
+/// Of the strands of one vector.
+struct LaneSums {
+  VF inside, m, g, mm, gg, mg, um, ug;
+};
+
+/// Adds rows whose first sample is `s`.
+template <GradientChannel kChannel, Where kWhere>
+HWY_INLINE void add_rows(const UltrasoundPatches& us, const Constants& k, std::size_t s,
+                         std::size_t rows, LaneSums& sums) {
   const VF zero = hn::Zero(df);
-  VF inside = zero, m = zero, g = zero, mm = zero, gg = zero, mg = zero, um = zero, ug = zero;
+  const VF one = hn::Set(df, 1.0F);
+  LaneSums sum = sums;  // in registers
   for (std::size_t row = 0; row < rows; ++row, s += kLanes) {
-    const Cells cells = fetch<kMoved>(us, k, s);
+    const Cells cells = fetch<kWhere>(us, k, s);
     const Sampled ct = interpolate(cells);
-    const VF value = hn::IfThenElseZero(cells.inside, hn::Sub(ct.value, hn::Set(df, k.background)));
-    const VF gradient = hn::IfThenElseZero(cells.inside, gradient_of<kChannel>(us, k, s, ct));
+    const VF value =
+        if_inside<kWhere>(cells, hn::Sub(ct.value, hn::Set(df, k.background)), zero);
+    const VF gradient = if_inside<kWhere>(cells, gradient_of<kChannel>(us, k, s, ct), zero);
     const VF u = hn::LoadU(df, us.value.data() + s);
-    inside = hn::Add(inside, hn::IfThenElseZero(cells.inside, hn::Set(df, 1.0F)));
-    m = hn::Add(m, value);
-    g = hn::Add(g, gradient);
-    mm = hn::MulAdd(value, value, mm);
-    gg = hn::MulAdd(gradient, gradient, gg);
-    mg = hn::MulAdd(value, gradient, mg);
-    um = hn::MulAdd(u, value, um);
-    ug = hn::MulAdd(u, gradient, ug);
+    sum.inside = hn::Add(sum.inside, if_inside<kWhere>(cells, one, zero));
+    sum.m = hn::Add(sum.m, value);
+    sum.g = hn::Add(sum.g, gradient);
+    sum.mm = hn::MulAdd(value, value, sum.mm);
+    sum.gg = hn::MulAdd(gradient, gradient, sum.gg);
+    sum.mg = hn::MulAdd(value, gradient, sum.mg);
+    sum.um = hn::MulAdd(u, value, sum.um);
+    sum.ug = hn::MulAdd(u, gradient, sum.ug);
   }
-  hn::StoreU(inside, df, sums.inside + lane);
-  hn::StoreU(m, df, sums.m + lane);
-  hn::StoreU(g, df, sums.g + lane);
-  hn::StoreU(mm, df, sums.mm + lane);
-  hn::StoreU(gg, df, sums.gg + lane);
-  hn::StoreU(mg, df, sums.mg + lane);
-  hn::StoreU(um, df, sums.um + lane);
-  hn::StoreU(ug, df, sums.ug + lane);
+  sums = sum;
 }
 
-template <GradientChannel kChannel, bool kMoved>
+HWY_INLINE void store(const LaneSums& from, StrandSums& sums, std::size_t lane) {
+  hn::StoreU(from.inside, df, sums.inside + lane);
+  hn::StoreU(from.m, df, sums.m + lane);
+  hn::StoreU(from.g, df, sums.g + lane);
+  hn::StoreU(from.mm, df, sums.mm + lane);
+  hn::StoreU(from.gg, df, sums.gg + lane);
+  hn::StoreU(from.mg, df, sums.mg + lane);
+  hn::StoreU(from.um, df, sums.um + lane);
+  hn::StoreU(from.ug, df, sums.ug + lane);
+}
+
+template <GradientChannel kChannel, Where kRest>
 void sum_all(const PatchKernelInput& in, std::size_t first, std::size_t last, StrandSums* sums) {
   const Constants constants(in);
-  for (std::size_t b = first; b < last; ++b, ++sums)
-    for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(df))
-      sum_lanes<kChannel, kMoved>(in.us, constants, in.us.blocks[b].begin + lane,
-                                  in.us.blocks[b].rows, *sums, lane);
+  const VF zero = hn::Zero(df);
+  for (std::size_t b = first; b < last; ++b, ++sums) {
+    const UltrasoundPatches::Block& block = in.us.blocks[b];
+    const std::size_t inside = rows_inside(in, block);
+    for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(df)) {
+      LaneSums sum{zero, zero, zero, zero, zero, zero, zero, zero};
+      const std::size_t begin = block.begin + lane;
+      add_rows<kChannel, Where::kInside>(in.us, constants, begin, inside, sum);
+      add_rows<kChannel, kRest>(in.us, constants, begin + inside * kLanes, block.rows - inside,
+                                sum);
+      store(sum, *sums, lane);
+    }
+  }
 }
 
 void sum_strands(const PatchKernelInput& in, std::size_t first, std::size_t last,
                  StrandSums* sums) {
   constexpr auto kMagnitude = GradientChannel::kMagnitude;
   constexpr auto kAlongBeam = GradientChannel::kAlongBeam;
+  const bool moved = is_moved(in.errors);
   if (in.channel == kMagnitude)
-    (is_moved(in.errors) ? sum_all<kMagnitude, true> : sum_all<kMagnitude, false>)(in, first, last,
-                                                                                   sums);
+    (moved ? sum_all<kMagnitude, Where::kMoved>
+           : sum_all<kMagnitude, Where::kAnywhere>)(in, first, last, sums);
   else
-    (is_moved(in.errors) ? sum_all<kAlongBeam, true> : sum_all<kAlongBeam, false>)(in, first, last,
-                                                                                   sums);
+    (moved ? sum_all<kAlongBeam, Where::kMoved>
+           : sum_all<kAlongBeam, Where::kAnywhere>)(in, first, last, sums);
 }
 
-template <bool kMoved>
+template <Where kWhere>
 std::size_t sample_all(const PatchKernelInput& in, std::size_t block, float* values) {
   const Constants constants(in);
   const VF background = hn::Set(df, constants.background);
@@ -104,15 +125,16 @@ std::size_t sample_all(const PatchKernelInput& in, std::size_t block, float* val
   const std::size_t end = begin + in.us.blocks[block].rows * kLanes;
   std::size_t inside = 0;
   for (std::size_t s = begin; s < end; s += hn::Lanes(df), values += hn::Lanes(df)) {
-    const Cells cells = fetch<kMoved>(in.us, constants, s);
-    inside += hn::CountTrue(df, cells.inside);
-    hn::StoreU(hn::IfThenElse(cells.inside, interpolate(cells).value, background), df, values);
+    const Cells cells = fetch<kWhere>(in.us, constants, s);
+    inside += count_inside<kWhere>(cells);
+    hn::StoreU(if_inside<kWhere>(cells, interpolate(cells).value, background), df, values);
   }
   return inside;
 }
 
 std::size_t sample_block(const PatchKernelInput& in, std::size_t block, float* values) {
-  return (is_moved(in.errors) ? sample_all<true> : sample_all<false>)(in, block, values);
+  return (is_moved(in.errors) ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block,
+                                                                                         values);
 }
 
 HWY_INLINE VD wide(const float* values) { return hn::PromoteTo(dd, hn::LoadU(df_half, values)); }

@@ -94,7 +94,7 @@ HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_
 /// The corners of cells as bytes (k = 0 in `low`, 1 in `high`; their pairs at i, then at i + 1),
 /// and where in them samples lie.
 struct Cells {
-  MF inside;
+  MF inside;  // none where all are known to be
   VU low, high;
   VF ti, tj, tk;
 };
@@ -104,25 +104,30 @@ HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
   return hn::GatherOffset(du, reinterpret_cast<const std::uint32_t*>(pairs), offsets);
 }
 
-template <bool kMoved>
+/// Where a row of samples lies: anywhere; all in the CT; anywhere, and AcquisitionErrors move it.
+enum class Where { kAnywhere, kInside, kMoved };
+
+template <Where kWhere>
 HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
   const VF zero = hn::Zero(df);
   VF px = hn::LoadU(df, us.x_mm.data() + s);
   VF py = hn::LoadU(df, us.y_mm.data() + s);
   VF pz = hn::LoadU(df, us.z_mm.data() + s);
-  if (kMoved) move(us, k, s, px, py, pz);
+  if (kWhere == Where::kMoved) move(us, k, s, px, py, pz);
   const VF x = turned(k.m[0], px, py, pz, hn::Set(df, k.origin[0]));
   const VF y = turned(k.m[1], px, py, pz, hn::Set(df, k.origin[1]));
   const VF z = turned(k.m[2], px, py, pz, hn::Set(df, k.origin[2]));
-  const MF inside = hn::And(hn::And(hn::And(hn::Ge(x, zero), hn::Lt(x, hn::Set(df, k.cells[0]))),
-                                    hn::And(hn::Ge(y, zero), hn::Lt(y, hn::Set(df, k.cells[1])))),
-                            hn::And(hn::Ge(z, zero), hn::Lt(z, hn::Set(df, k.cells[2]))));
+  MF inside = hn::MaskFromVec(zero);
+  if (kWhere != Where::kInside)
+    inside = hn::And(hn::And(hn::And(hn::Ge(x, zero), hn::Lt(x, hn::Set(df, k.cells[0]))),
+                             hn::And(hn::Ge(y, zero), hn::Lt(y, hn::Set(df, k.cells[1])))),
+                     hn::And(hn::Ge(z, zero), hn::Lt(z, hn::Set(df, k.cells[2]))));
   const VF fx = hn::Floor(x);
   const VF fy = hn::Floor(y);
   const VF fz = hn::Floor(z);
   const VI row = whole(hn::MulAdd(fz, hn::Set(df, k.rows), fy));
-  const VI cell = hn::IfThenElseZero(hn::RebindMask(di, inside),
-                                     hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j))));
+  VI cell = hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j)));
+  if (kWhere != Where::kInside) cell = hn::IfThenElseZero(hn::RebindMask(di, inside), cell);
   const VI bytes = hn::ShiftLeft<1>(cell);
   return {inside,         pairs_at(k.pairs, bytes), pairs_at(k.pairs + k.stride_k, bytes),
           hn::Sub(x, fx), hn::Sub(y, fy),           hn::Sub(z, fz)};
@@ -154,6 +159,17 @@ HWY_INLINE Sampled interpolate(const Cells& c) {
   const VF gk = hn::Sub(face1, face0);
   return {hn::MulAdd(c.tk, gk, face0), lerp(lerp(s00, s10, c.tj), lerp(s01, s11, c.tj), c.tk),
           lerp(slope_j0, slope_j1, c.tk), gk};
+}
+
+/// `value` where a sample lies in the CT, `outside` elsewhere.
+template <Where kWhere>
+HWY_INLINE VF if_inside(const Cells& cells, VF value, VF outside) {
+  return kWhere == Where::kInside ? value : hn::IfThenElse(cells.inside, value, outside);
+}
+
+template <Where kWhere>
+HWY_INLINE std::size_t count_inside(const Cells& cells) {
+  return kWhere == Where::kInside ? hn::Lanes(df) : hn::CountTrue(df, cells.inside);
 }
 
 /// |grad mu|, in bytes per mm.

@@ -122,6 +122,11 @@ class Cutter {
       const std::size_t first = static_cast<std::size_t>(part) * kAtOnce;
       for (std::size_t p = first; p < std::min(count, first + kAtOnce); ++p) fill(p, motions);
     });
+    parallel_for(static_cast<int>((result_.blocks.size() + kAtOnce - 1) / kAtOnce), [&](int part) {
+      const std::size_t first = static_cast<std::size_t>(part) * kAtOnce;
+      for (std::size_t b = first; b < std::min(result_.blocks.size(), first + kAtOnce); ++b)
+        enclose(result_.blocks[b]);
+    });
     return std::move(result_);
   }
 
@@ -232,9 +237,9 @@ class Cutter {
       result_.first_single_block = lengths.size() / kLanes;
     std::size_t begin = 0;
     for (auto lane = lengths.begin(); lane != lengths.end(); lane += kLanes) {
-      const std::size_t rows = *std::max_element(lane, lane + kLanes);
-      result_.blocks.push_back({begin, rows});
-      begin += rows * kLanes;
+      const auto [least, most] = std::minmax_element(lane, lane + kLanes);
+      result_.blocks.push_back({begin, *most, *least, {}});
+      begin += *most * kLanes;
     }
     size_in_memory_ = begin;
   }
@@ -271,6 +276,12 @@ class Cutter {
       result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
       ++i;
     });
+  }
+
+  void enclose(UltrasoundPatches::Block& block) const {
+    for (std::size_t s = block.begin; s < block.begin + block.rows * kLanes; ++s)
+      if (result_.x_mm[s] != UltrasoundPatches::kNowhere)
+        block.box.extend(Eigen::Vector3f(result_.x_mm[s], result_.y_mm[s], result_.z_mm[s]));
   }
 
   static void set(const Vector3d& vector, std::size_t place, LargeVector<float>& x,
