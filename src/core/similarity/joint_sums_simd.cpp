@@ -99,25 +99,35 @@ void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
 
-/// Adds the samples [s, end) to the tables; returns how many lie in the CT.
+/// Adds the samples [first, end) to the tables; returns how many lie in the CT. Three vectors of
+/// samples are in hand at a time: memory brings the CT of the next while this one is interpolated,
+/// and the tables get the one before.
 template <Where kWhere>
 std::size_t add_samples(const JointSumsInput& in, const Constants& constants, const Knots& places,
-                        std::size_t s, std::size_t end, LargeVector<float>& tables) {
+                        std::size_t first, std::size_t end, LargeVector<float>& tables) {
+  if (first == end) return 0;
+  const std::size_t lanes = hn::Lanes(df);
   const std::size_t table_size = tables.size() / kTables;
   const VF background = hn::Set(df, constants.background);
-  const VF zero = hn::Zero(df);
+  Shares shares[2];
+  const auto tabulate = [&](const Shares& of) HWY_ATTR {
+    for (std::size_t lane = 0; lane < lanes; ++lane)
+      add(of, lane, tables.data() + (lane % kTables) * table_size);
+  };
   std::size_t inside = 0;
-  Shares shares;
-  for (; s < end; s += hn::Lanes(df)) {
-    const Cells cells = fetch<kWhere>(in.samples.us, constants, s);
+  std::size_t turn = 0;
+  Cells next = fetch<kWhere>(in.samples.us, constants, first);
+  for (std::size_t s = first; s < end; s += lanes, turn = 1 - turn) {
+    const Cells cells = next;
+    next = fetch<kWhere>(in.samples.us, constants, std::min(s + lanes, end - lanes));
     const Sampled ct = interpolate(cells);
     inside += count_inside<kWhere>(cells);
     share(places, if_inside<kWhere>(cells, ct.value, background),
-          if_inside<kWhere>(cells, magnitude(constants, ct), zero),
-          hn::LoadU(df, in.ultrasound + s), shares);
-    for (std::size_t lane = 0; lane < hn::Lanes(df); ++lane)
-      add(shares, lane, tables.data() + (lane % kTables) * table_size);
+          if_inside<kWhere>(cells, magnitude(constants, ct), hn::Zero(df)),
+          hn::LoadU(df, in.ultrasound + s), shares[turn]);
+    if (s != first) tabulate(shares[1 - turn]);
   }
+  tabulate(shares[1 - turn]);
   return inside;
 }
 
@@ -130,8 +140,8 @@ JointSums joint_sums(const JointSumsInput& in) {
       static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
   LargeVector<float> tables(kTables * kPerCell * cells);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
-  const auto add_rest = is_moved(in.samples.errors) ? add_samples<Where::kMoved>
-                                                    : add_samples<Where::kAnywhere>;
+  const auto add_rest =
+      is_moved(in.samples.errors) ? add_samples<Where::kMoved> : add_samples<Where::kAnywhere>;
   std::size_t inside = 0;
   std::size_t flushed = 0;  // samples
   for (const UltrasoundPatches::Block& block : in.samples.us.blocks) {

@@ -49,18 +49,22 @@ struct LaneSums {
   VF inside, m, g, mm, gg, mg, um, ug;
 };
 
-/// Adds rows whose first sample is `s`.
+/// Adds rows whose first sample is `s`. Memory brings the CT of the next row while this one is
+/// interpolated.
 template <GradientChannel kChannel, Where kWhere>
 HWY_INLINE void add_rows(const UltrasoundPatches& us, const Constants& k, std::size_t s,
                          std::size_t rows, LaneSums& sums) {
   const VF zero = hn::Zero(df);
   const VF one = hn::Set(df, 1.0F);
+  if (rows == 0) return;
   LaneSums sum = sums;  // in registers
-  for (std::size_t row = 0; row < rows; ++row, s += kLanes) {
-    const Cells cells = fetch<kWhere>(us, k, s);
+  const std::size_t last = s + (rows - 1) * kLanes;
+  Cells next = fetch<kWhere>(us, k, s);
+  for (; s <= last; s += kLanes) {
+    const Cells cells = next;
+    next = fetch<kWhere>(us, k, std::min(s + kLanes, last));
     const Sampled ct = interpolate(cells);
-    const VF value =
-        if_inside<kWhere>(cells, hn::Sub(ct.value, hn::Set(df, k.background)), zero);
+    const VF value = if_inside<kWhere>(cells, hn::Sub(ct.value, hn::Set(df, k.background)), zero);
     const VF gradient = if_inside<kWhere>(cells, gradient_of<kChannel>(us, k, s, ct), zero);
     const VF u = hn::LoadU(df, us.value.data() + s);
     sum.inside = hn::Add(sum.inside, if_inside<kWhere>(cells, one, zero));
@@ -134,7 +138,7 @@ std::size_t sample_all(const PatchKernelInput& in, std::size_t block, float* val
 
 std::size_t sample_block(const PatchKernelInput& in, std::size_t block, float* values) {
   return (is_moved(in.errors) ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block,
-                                                                                         values);
+                                                                                          values);
 }
 
 HWY_INLINE VD wide(const float* values) { return hn::PromoteTo(dd, hn::LoadU(df_half, values)); }

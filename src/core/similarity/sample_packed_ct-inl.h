@@ -9,6 +9,8 @@
 
 #include <hwy/highway.h>
 
+#include <cstring>
+
 #include "similarity/patch_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -27,31 +29,49 @@ using VI = hn::Vec<decltype(di)>;
 using VU = hn::Vec<decltype(du)>;
 using MF = hn::Mask<decltype(df)>;
 
+/// Floats from 2^23 on are whole numbers, and their last bits are those of the number. Indices are
+/// shifted by two, so that what is added to round them down keeps them there.
+constexpr float kWhole = 8388608.0F;
+constexpr float kDown = kWhole - 0.5F;
+constexpr float kShift = 2.0F;
+
 /// What stays the same for all samples.
 struct Constants {
   explicit Constants(const PatchKernelInput& in) {
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) m[r][c] = static_cast<float>(in.T_index_us.linear()(r, c));
-      origin[r] = static_cast<float>(in.T_index_us.translation()[r]);
-      cells[r] = static_cast<float>(in.ct.grid().size[r] - 1);
+      origin[r] = static_cast<float>(in.T_index_us.translation()[r]) + kShift;
+      last[r] = static_cast<float>(in.ct.grid().size[r] - 1) + kShift;
       per_mm[r] = static_cast<float>(1.0 / in.ct.grid().spacing_mm[r]);
     }
     pairs = in.ct.pairs().data();
     stride_j = static_cast<std::int32_t>(in.ct.stride_j());
     stride_k = in.ct.stride_k();
-    rows = static_cast<float>(in.ct.grid().size.y() - 1);
+    // Bits of kWhole, and kShift, of column and row.
+    const auto surplus = [](float shift) {
+      std::int32_t bits = 0;
+      const float value = kWhole + shift;
+      std::memcpy(&bits, &value, sizeof bits);
+      return static_cast<std::uint32_t>(bits);
+    };
+    const auto rows_per_slice = static_cast<float>(in.ct.grid().size.y() - 1);
+    first_cell = static_cast<std::int32_t>(surplus(kShift) +
+                                           surplus(kShift * (rows_per_slice + 1.0F)) *
+                                               static_cast<std::uint32_t>(in.ct.stride_j()));
+    rows = rows_per_slice;
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);
   }
   const std::uint16_t* pairs;
   float m[3][3];
-  float origin[3];
-  float cells[3];
+  float origin[3];  // + kShift
+  float last[3];    // index, + kShift
   float per_mm[3];
   std::int32_t stride_j;  // pairs per row
   std::size_t stride_k;   // and per slice
   float rows;             // per slice
+  std::int32_t first_cell;
   float background;
   float depth_error, sweep_error;
 };
@@ -72,7 +92,7 @@ HWY_INLINE VF byte_of(VU word) {
 
 /// Whole numbers in [0, 2^23) as integers; less work than a conversion that minds overflow.
 HWY_INLINE VI whole(VF value) {
-  const VF offset = hn::Set(df, 8388608.0F);  // 2^23: what follows the binary point drops out
+  const VF offset = hn::Set(df, kWhole);
   return hn::Sub(hn::BitCast(di, hn::Add(value, offset)), hn::BitCast(di, offset));
 }
 
@@ -109,7 +129,6 @@ enum class Where { kAnywhere, kInside, kMoved };
 
 template <Where kWhere>
 HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
-  const VF zero = hn::Zero(df);
   VF px = hn::LoadU(df, us.x_mm.data() + s);
   VF py = hn::LoadU(df, us.y_mm.data() + s);
   VF pz = hn::LoadU(df, us.z_mm.data() + s);
@@ -117,16 +136,23 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   const VF x = turned(k.m[0], px, py, pz, hn::Set(df, k.origin[0]));
   const VF y = turned(k.m[1], px, py, pz, hn::Set(df, k.origin[1]));
   const VF z = turned(k.m[2], px, py, pz, hn::Set(df, k.origin[2]));
-  MF inside = hn::MaskFromVec(zero);
-  if (kWhere != Where::kInside)
-    inside = hn::And(hn::And(hn::And(hn::Ge(x, zero), hn::Lt(x, hn::Set(df, k.cells[0]))),
-                             hn::And(hn::Ge(y, zero), hn::Lt(y, hn::Set(df, k.cells[1])))),
-                     hn::And(hn::Ge(z, zero), hn::Lt(z, hn::Set(df, k.cells[2]))));
-  const VF fx = hn::Floor(x);
-  const VF fy = hn::Floor(y);
-  const VF fz = hn::Floor(z);
-  const VI row = whole(hn::MulAdd(fz, hn::Set(df, k.rows), fy));
-  VI cell = hn::Add(whole(fx), hn::Mul(row, hn::Set(di, k.stride_j)));
+  MF inside = hn::MaskFromVec(hn::Zero(df));
+  if (kWhere != Where::kInside) {
+    const VF first = hn::Set(df, kShift);
+    inside = hn::And(hn::And(hn::And(hn::Ge(x, first), hn::Lt(x, hn::Set(df, k.last[0]))),
+                             hn::And(hn::Ge(y, first), hn::Lt(y, hn::Set(df, k.last[1])))),
+                     hn::And(hn::Ge(z, first), hn::Lt(z, hn::Set(df, k.last[2]))));
+  }
+  const VF down = hn::Set(df, kDown);
+  const VF offset = hn::Set(df, kWhole);
+  const VF i = hn::Add(x, down);
+  const VF j = hn::Add(y, down);
+  const VF fx = hn::Sub(i, offset);
+  const VF fy = hn::Sub(j, offset);
+  const VF fz = hn::Sub(hn::Add(z, down), offset);
+  const VI row = hn::BitCast(di, hn::MulAdd(fz, hn::Set(df, k.rows), j));
+  VI cell = hn::Sub(hn::Add(hn::BitCast(di, i), hn::Mul(row, hn::Set(di, k.stride_j))),
+                    hn::Set(di, k.first_cell));
   if (kWhere != Where::kInside) cell = hn::IfThenElseZero(hn::RebindMask(di, inside), cell);
   const VI bytes = hn::ShiftLeft<1>(cell);
   return {inside,         pairs_at(k.pairs, bytes), pairs_at(k.pairs + k.stride_k, bytes),
