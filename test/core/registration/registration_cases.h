@@ -129,7 +129,7 @@ inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isome
 inline RegistrationOptions quick_options(const std::string& changes = "") {
   RegistrationOptions options = parse_registration_options("preset: phantom\n" + changes, "test");
   options.rounds = 1;
-  options.stages.front().starts->count = 128;
+  options.stages.front().starts->count = 256;
   return options;
 }
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -232,14 +233,18 @@ TEST(Gates, Overlap) {
   EXPECT_FALSE(result.candidates.empty());
 }
 
-/// Finds many optima, of which none may be near the best one's value.
-RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
-  RegistrationOptions options =
-      quick_options("confidence: {min_margin: 1, max_scatter_mm: " + max_scatter_mm + "}\n");
+/// Finds many optima.
+RegistrationResult with_rivals(const std::string& confidence) {
+  RegistrationOptions options = quick_options("confidence: {" + confidence + "}\n");
   options.stages[0].optimised = 12;
   options.stages[0].kept = 12;
   options.stages[1].optimised = 12;
   return registered(agar_case(), nearby(agar_case()), options);
+}
+
+/// None of them may be near the best one's value.
+RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
+  return with_rivals("min_margin: 1, max_scatter_mm: " + max_scatter_mm);
 }
 
 TEST(Gates, MarginAgainstOptimaElsewhere) {
@@ -256,6 +261,21 @@ TEST(Gates, WhatScattersTooMuchIsNoRival) {
   EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
   EXPECT_LT(result.measures.at("scatter_mm"), limit_mm);
   EXPECT_EQ(result.measures.at("margin"), 1.0);
+}
+
+/// The best optimum is the truth, which lies beyond the limit.
+TEST(Gates, WhatIsTooFarAndScattersGivesWayToTheNextBest) {
+  const RegistrationResult all = with_rivals("max_scatter_mm: 0.01");  // nothing holds together
+  ASSERT_GE(all.candidates.size(), 2U);
+  ASSERT_LT(agar_case().error_mm(all.candidates.front().T_us_ct), 1.0);
+  const RegistrationResult other = with_rivals("max_scatter_mm: 0.01, max_displacement_mm: 6");
+  EXPECT_EQ(other.status, RegistrationStatus::kLowConfidence);
+  EXPECT_TRUE(std::any_of(all.candidates.begin() + 1, all.candidates.end(),
+                          [&](const auto& next) { return next.similarity == other.similarity; }));
+  // What holds together stays, and is refused for its distance.
+  const RegistrationResult far = with_rivals("max_scatter_mm: 0.5, max_displacement_mm: 6");
+  expect_refused(far, RegistrationStatus::kLowConfidence, "displacement_mm is ");
+  EXPECT_EQ(far.similarity, all.similarity);
 }
 
 TEST(Gates, LimitsThemselvesPass) {
