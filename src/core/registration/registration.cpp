@@ -162,10 +162,10 @@ class Registration {
   static std::size_t effort(int round) { return std::size_t{1} << (2 * round); }
 
   /// How many times as many optima of a stage it climbs to and keeps: what earlier rounds did not
-  /// find is one of many equals at the coarse stages.
+  /// find is one of hundreds of equals at the coarse stages.
   std::size_t breadth(std::size_t stage, int round) const {
     if (round == 0) return 1;
-    return effort(round) * (stage == decisive() ? 2 : 4);
+    return effort(round) * (stage == decisive() ? 4 : 8);
   }
 
   /// Every other round looks near the initial pose, but closely: what only the decisive stage shows

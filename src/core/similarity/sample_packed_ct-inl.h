@@ -29,11 +29,16 @@ using VI = hn::Vec<decltype(di)>;
 using VU = hn::Vec<decltype(du)>;
 using MF = hn::Mask<decltype(df)>;
 
-/// Floats from 2^23 on are whole numbers, and their last bits are those of the number. Indices are
-/// shifted by two, so that what is added to round them down keeps them there.
+/// Floats from 2^23 to 2^24 are the whole numbers, and their last bits count them: what is rounded
+/// to such a float is an index. Indices are shifted by two, for below 2^23 there are halves.
 constexpr float kWhole = 8388608.0F;
-constexpr float kDown = kWhole - 0.5F;
 constexpr float kShift = 2.0F;
+
+inline std::uint32_t bits_of(float value) {
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
 
 /// What stays the same for all samples.
 struct Constants {
@@ -47,18 +52,9 @@ struct Constants {
     pairs = in.ct.pairs().data();
     stride_j = static_cast<std::int32_t>(in.ct.stride_j());
     stride_k = in.ct.stride_k();
-    // Bits of kWhole, and kShift, of column and row.
-    const auto surplus = [](float shift) {
-      std::int32_t bits = 0;
-      const float value = kWhole + shift;
-      std::memcpy(&bits, &value, sizeof bits);
-      return static_cast<std::uint32_t>(bits);
-    };
-    const auto rows_per_slice = static_cast<float>(in.ct.grid().size.y() - 1);
-    first_cell = static_cast<std::int32_t>(surplus(kShift) +
-                                           surplus(kShift * (rows_per_slice + 1.0F)) *
-                                               static_cast<std::uint32_t>(in.ct.stride_j()));
-    rows = rows_per_slice;
+    rows = static_cast<float>(in.ct.grid().size.y() - 1);
+    first_cell = bits_of(kWhole + kShift) +
+                 bits_of(kWhole + kShift * rows + kShift) * static_cast<std::uint32_t>(stride_j);
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);
@@ -68,10 +64,10 @@ struct Constants {
   float origin[3];  // + kShift
   float last[3];    // index, + kShift
   float per_mm[3];
-  std::int32_t stride_j;  // pairs per row
-  std::size_t stride_k;   // and per slice
-  float rows;             // per slice
-  std::int32_t first_cell;
+  std::int32_t stride_j;     // pairs per row
+  std::size_t stride_k;      // and per slice
+  float rows;                // per slice
+  std::uint32_t first_cell;  // what bits of column and row make of cell 0
   float background;
   float depth_error, sweep_error;
 };
@@ -127,6 +123,14 @@ HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
 /// Where a row of samples lies: anywhere; all in the CT; anywhere, and AcquisitionErrors move it.
 enum class Where { kAnywhere, kInside, kMoved };
 
+/// Whether indices + kShift have a cell.
+HWY_INLINE MF in_ct(const Constants& k, VF x, VF y, VF z) {
+  const VF first = hn::Set(df, kShift);
+  return hn::And(hn::And(hn::And(hn::Ge(x, first), hn::Lt(x, hn::Set(df, k.last[0]))),
+                         hn::And(hn::Ge(y, first), hn::Lt(y, hn::Set(df, k.last[1])))),
+                 hn::And(hn::Ge(z, first), hn::Lt(z, hn::Set(df, k.last[2]))));
+}
+
 template <Where kWhere>
 HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
   VF px = hn::LoadU(df, us.x_mm.data() + s);
@@ -136,27 +140,28 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   const VF x = turned(k.m[0], px, py, pz, hn::Set(df, k.origin[0]));
   const VF y = turned(k.m[1], px, py, pz, hn::Set(df, k.origin[1]));
   const VF z = turned(k.m[2], px, py, pz, hn::Set(df, k.origin[2]));
-  MF inside = hn::MaskFromVec(hn::Zero(df));
-  if (kWhere != Where::kInside) {
-    const VF first = hn::Set(df, kShift);
-    inside = hn::And(hn::And(hn::And(hn::Ge(x, first), hn::Lt(x, hn::Set(df, k.last[0]))),
-                             hn::And(hn::Ge(y, first), hn::Lt(y, hn::Set(df, k.last[1])))),
-                     hn::And(hn::Ge(z, first), hn::Lt(z, hn::Set(df, k.last[2]))));
-  }
-  const VF down = hn::Set(df, kDown);
-  const VF offset = hn::Set(df, kWhole);
+  // Down to whole numbers, + kWhole. Whole ones may end up one lower, at the end of the cell
+  // before.
+  const VF down = hn::Set(df, kWhole - 0.5F);
   const VF i = hn::Add(x, down);
   const VF j = hn::Add(y, down);
-  const VF fx = hn::Sub(i, offset);
-  const VF fy = hn::Sub(j, offset);
+  const VF offset = hn::Set(df, kWhole);
   const VF fz = hn::Sub(hn::Add(z, down), offset);
   const VI row = hn::BitCast(di, hn::MulAdd(fz, hn::Set(df, k.rows), j));
   VI cell = hn::Sub(hn::Add(hn::BitCast(di, i), hn::Mul(row, hn::Set(di, k.stride_j))),
-                    hn::Set(di, k.first_cell));
-  if (kWhere != Where::kInside) cell = hn::IfThenElseZero(hn::RebindMask(di, inside), cell);
+                    hn::BitCast(di, hn::Set(du, k.first_cell)));
+  MF inside = hn::MaskFromVec(hn::Zero(df));
+  if (kWhere != Where::kInside) {
+    inside = in_ct(k, x, y, z);
+    cell = hn::IfThenElseZero(hn::RebindMask(di, inside), cell);
+  }
   const VI bytes = hn::ShiftLeft<1>(cell);
-  return {inside,         pairs_at(k.pairs, bytes), pairs_at(k.pairs + k.stride_k, bytes),
-          hn::Sub(x, fx), hn::Sub(y, fy),           hn::Sub(z, fz)};
+  return {inside,
+          pairs_at(k.pairs, bytes),
+          pairs_at(k.pairs + k.stride_k, bytes),
+          hn::Sub(x, hn::Sub(i, offset)),
+          hn::Sub(y, hn::Sub(j, offset)),
+          hn::Sub(z, fz)};
 }
 
 /// Value, and gradient per voxel.
