@@ -128,6 +128,27 @@ RC_GTEST_PROP(UltrasoundPatches, LieInLanes, ()) {
   }
 }
 
+/// What kernels trust without looking.
+RC_GTEST_PROP(UltrasoundPatches, BlocksTellWhichRowsAreFullAndWhereTheyLie, ()) {
+  BeamUltrasound us =
+      noisy_ultrasound(downward_beams(integer(4, 40), integer(2, 20), integer(2, 14)));
+  for (std::size_t i = 0; i < us.brightness.size(); ++i) us.known.push_back(hashed(i) > 10000.0);
+  const UltrasoundPatches patches = cut_into_patches(us, cubes(integer(1, 12)));
+  for (const UltrasoundPatches::Block& block : patches.blocks) {
+    std::size_t full = block.rows;
+    Eigen::AlignedBox3f box;
+    for (std::size_t i = 0; i < block.rows * UltrasoundPatches::kLanes; ++i) {
+      const auto [x, y, z] = position_at(patches, block.begin + i);
+      if (is_filled_up(patches, block.begin + i))
+        full = std::min(full, i / UltrasoundPatches::kLanes);
+      else
+        box.extend(Eigen::Vector3f(x, y, z));
+    }
+    RC_ASSERT(block.full_rows == full);
+    RC_ASSERT(block.box.isApprox(box));
+  }
+}
+
 TEST(UltrasoundPatches, WithoutMaskHardlyAnythingIsFilledUp) {
   const UltrasoundPatches patches =
       cut_into_patches(noisy_ultrasound(downward_beams(77, 64, 40)), cubes(3.0));
