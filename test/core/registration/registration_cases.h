@@ -125,11 +125,10 @@ inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isome
   return result;
 }
 
-/// The preset for phantoms with one round of a smaller search; `changes` as in a file of options.
+/// The preset for phantoms with one round of search; `changes` as in a file of options.
 inline RegistrationOptions quick_options(const std::string& changes = "") {
   RegistrationOptions options = parse_registration_options("preset: phantom\n" + changes, "test");
   options.rounds = 1;
-  options.stages.front().starts->count = 256;
   return options;
 }
 
