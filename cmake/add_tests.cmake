@@ -63,7 +63,7 @@ add_test(NAME package_dependencies
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_dependencies.py ${PROJECT_SOURCE_DIR})
 add_test(NAME package_core_without_ros
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_core_without_ros.py ${PROJECT_SOURCE_DIR}
-    $<TARGET_FILE:${PROJECT_NAME}_core>)
+    $<TARGET_FILE:${PROJECT_NAME}_core> $<TARGET_FILE:usct>)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 if(NOT USCT_CORE_ONLY)
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})

@@ -13,11 +13,15 @@ else()
   set(USCT_SHARE_DIR ${CATKIN_PACKAGE_SHARE_DESTINATION})
 endif()
 
-# The tool finds the library beside it wherever the prefix is.
-set_target_properties(usct PROPERTIES INSTALL_RPATH "$ORIGIN/../lib:$ORIGIN/../${USCT_LIB_DIR}")
+# The tool finds the library, and usct_bag beside it, wherever the prefix is.
+set(USCT_PROGRAMS usct)
+if(NOT USCT_CORE_ONLY)
+  list(APPEND USCT_PROGRAMS usct_bag)
+endif()
+set_target_properties(${USCT_PROGRAMS} PROPERTIES INSTALL_RPATH "$ORIGIN/../lib:$ORIGIN/../${USCT_LIB_DIR}")
 install(TARGETS ${PROJECT_NAME}_core EXPORT ${PROJECT_NAME}_targets
   ARCHIVE DESTINATION ${USCT_LIB_DIR} LIBRARY DESTINATION ${USCT_LIB_DIR})
-install(TARGETS usct RUNTIME DESTINATION ${USCT_BIN_DIR})
+install(TARGETS ${USCT_PROGRAMS} RUNTIME DESTINATION ${USCT_BIN_DIR})
 if(NOT USCT_CORE_ONLY)
   set_target_properties(${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets PROPERTIES INSTALL_RPATH "$ORIGIN")
   set_target_properties(${USCT_NODES} PROPERTIES INSTALL_RPATH "$ORIGIN/..")

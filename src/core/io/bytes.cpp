@@ -48,6 +48,13 @@ Bytes read_bytes(const fs::path& path) {
 
 Bytes read_prefix(const fs::path& path, std::size_t count) { return read_at_most(path, count); }
 
+void read_bytes_into(const fs::path& path, std::uintmax_t offset, void* out, std::size_t count) {
+  std::ifstream file = open(path);
+  file.seekg(static_cast<std::streamoff>(offset));
+  file.read(static_cast<char*>(out), static_cast<std::streamsize>(count));
+  if (!file) throw InputError(path.string(), "could not be read to its end");
+}
+
 void write_bytes(const fs::path& target, const Bytes& bytes) {
   write_atomically(target, [&](const fs::path& temporary) {
     std::ofstream file(temporary, std::ios::binary);

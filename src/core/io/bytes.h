@@ -19,6 +19,11 @@ Bytes read_bytes(const std::filesystem::path& path);
 /// The first bytes of a file, at most `count`. Throws as `read_bytes`.
 Bytes read_prefix(const std::filesystem::path& path, std::size_t count);
 
+/// `count` bytes of a file from `offset` on, to `out`. Throws as `read_bytes`, and if the file is
+/// shorter.
+void read_bytes_into(const std::filesystem::path& path, std::uintmax_t offset, void* out,
+                     std::size_t count);
+
 /// Writes `target` atomically. Throws as `write_atomically`.
 void write_bytes(const std::filesystem::path& target, const Bytes& bytes);
 void write_text(const std::filesystem::path& target, const std::string& text);

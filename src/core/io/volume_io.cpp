@@ -61,21 +61,21 @@ VolumeHeader read_header(const fs::path& path) {
   refuse_extension(path);
 }
 
-/// The voxels as stored, decompressed: `voxel_bytes()` from `*begin` on.
-Bytes read_stored(const VolumeHeader& header, std::size_t* begin) {
-  const std::string source = header.data_file.string();
-  Bytes bytes = io::read_bytes(header.data_file);
-  const std::uintmax_t wanted = header.skip + header.voxel_bytes();
+/// The voxels as stored, decompressed.
+Bytes read_stored(const VolumeHeader& header) {
+  const fs::path& source = header.data_file;
   if (header.encoding == Encoding::kRaw) {
-    *begin = static_cast<std::size_t>(header.begin + header.skip);
-    if (bytes.size() < header.begin + wanted)
-      throw InputError(source, "became shorter while it was read");
-    return bytes;
+    Bytes voxels(static_cast<std::size_t>(header.voxel_bytes()));
+    io::read_bytes_into(source, header.begin + header.skip, voxels.data(), voxels.size());
+    return voxels;
   }
-  *begin = static_cast<std::size_t>(header.skip);
-  return io::decompress(
-      bytes, static_cast<std::size_t>(header.begin), wanted,
-      header.encoding == Encoding::kGzip ? io::Compression::kGzip : io::Compression::kZlib, source);
+  Bytes voxels = io::decompress(
+      io::read_bytes(source), static_cast<std::size_t>(header.begin),
+      header.skip + header.voxel_bytes(),
+      header.encoding == Encoding::kGzip ? io::Compression::kGzip : io::Compression::kZlib,
+      source.string());
+  voxels.erase(voxels.begin(), voxels.begin() + static_cast<std::ptrdiff_t>(header.skip));
+  return voxels;
 }
 
 void reverse_bytes(std::uint8_t* values, std::size_t count, std::size_t value_bytes) {
@@ -230,15 +230,22 @@ VolumeInfo read_volume_info(const fs::path& path) {
 template <typename T>
 Volume<T> read_volume(const fs::path& path) {
   const VolumeHeader header = read_header(path);
-  std::size_t begin = 0;
-  Bytes stored = read_stored(header, &begin);
+  const bool as_asked =
+      header.component == component_of<T>() && header.scale == 1.0 && header.offset == 0.0;
+  if (as_asked && header.encoding == Encoding::kRaw && !header.big_endian) {
+    Volume<T> volume(header.grid);  // the usual file: no second copy of a large CT
+    io::read_bytes_into(header.data_file, header.begin + header.skip, volume.voxels.data(),
+                        static_cast<std::size_t>(header.voxel_bytes()));
+    return volume;
+  }
+  Bytes stored = read_stored(header);
   if (header.big_endian)
-    reverse_bytes(stored.data() + begin, header.grid.voxel_count(), io::bytes_of(header.component));
+    reverse_bytes(stored.data(), header.grid.voxel_count(), io::bytes_of(header.component));
   Volume<T> volume(header.grid);
-  if (header.component == component_of<T>() && header.scale == 1.0 && header.offset == 0.0)
-    std::memcpy(volume.voxels.data(), stored.data() + begin, volume.voxels.size() * sizeof(T));
+  if (as_asked)
+    std::memcpy(volume.voxels.data(), stored.data(), stored.size());
   else
-    check_values<T>(path, convert(stored.data() + begin, header, volume.voxels));
+    check_values<T>(path, convert(stored.data(), header, volume.voxels));
   return volume;
 }
 

@@ -4,9 +4,9 @@
 
 #include "ros/acquisition_bag.h"
 #include "ros/conversions.h"
-#include "tools/commands.h"
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
+#include "tools/program.h"
 #include "tools/ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/prescan_nrrd.h"
@@ -257,13 +257,14 @@ void add_info(CLI::App& bag, Run& run) {
 }
 
 }  // namespace
-
-void add_bag_command(CLI::App& app, Run& run) {
-  CLI::App* bag = app.add_subcommand("bag", "Bags of acquisitions: makes and reads them.");
-  bag->require_subcommand(1);
-  add_write(*bag, run);
-  add_read(*bag, run);
-  add_info(*bag, run);
-}
-
 }  // namespace usct::tools
+
+int main(int argc, char** argv) {
+  using namespace usct::tools;
+  CLI::App app{"Bags of acquisitions: makes and reads them.", "usct bag"};
+  Run run;
+  add_write(app, run);
+  add_read(app, run);
+  add_info(app, run);
+  return run_program(app, run, argc, argv);
+}
