@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <future>
 #include <map>
 #include <optional>
 
@@ -116,13 +117,27 @@ void require_places(const RegisterCommand& command) {
     throw InputError("--transform", "is the file of --output, must be another");
 }
 
+void set_threads(const RegisterCommand& command) {
+  if (command.threads > 0) omp_set_num_threads(command.threads);
+}
+
+/// Beside the ultrasound, where there is a second thread. Threads have numbers of threads of their
+/// own.
+std::future<CtVolume> start_reading_ct(const RegisterCommand& command) {
+  return std::async(command.threads == 1 ? std::launch::deferred : std::launch::async, [&command] {
+    set_threads(command);
+    return read_ct_with_warnings(command.ct, command.dicom,
+                                 progress_bar("reading the CT", command.quiet));
+  });
+}
+
 Case read_case(const RegisterCommand& command) {
   Case c;
   if (!command.targets.empty()) c.targets_us_mm = read_points_mm(command.targets);
+  std::future<CtVolume> ct = start_reading_ct(command);
   c.us = command.ultrasound.read(command.us);
+  c.ct = ct.get();
   c.beams = command.ultrasound.beams(c.us, command.quiet).along;
-  c.ct = read_ct_with_warnings(command.ct, command.dicom,
-                               progress_bar("reading the CT", command.quiet));
   c.T_us_ct_initial = command.initial.T_us_ct(c.ct, c.beams.beams);
   return c;
 }
@@ -246,7 +261,7 @@ int run_register(const RegisterCommand& command) {
   const RegistrationOptions options = options_of(command);
   require_initial_pose(command);
   require_places(command);
-  if (command.threads > 0) omp_set_num_threads(command.threads);
+  set_threads(command);
   const Case c = read_case(command);
   RegistrationHooks hooks;
   hooks.progress = progress_bar("registration", command.quiet);
