@@ -23,11 +23,14 @@ std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
   const std::size_t step = std::max<std::size_t>(1, counting / kPoints);
   std::vector<Vector3d> points;
   std::size_t i = 0;
-  std::size_t seen = 0;
+  std::size_t to_skip = 0;  // counted down, for a remainder takes far longer
   for (int f = 0; f < us.beams.frames; ++f)
     for (int l = 0; l < us.beams.lines; ++l)
-      for (int s = 0; s < us.beams.samples(); ++s, ++i)
-        if (us.known[i] != 0 && seen++ % step == 0) points.push_back(us.beams.point(f, l, s));
+      for (int s = 0; s < us.beams.samples(); ++s, ++i) {
+        if (us.known[i] == 0 || to_skip-- > 0) continue;
+        to_skip = step - 1;
+        points.push_back(us.beams.point(f, l, s));
+      }
   return points;
 }
 

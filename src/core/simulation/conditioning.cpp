@@ -36,39 +36,39 @@ Statistics statistics(const std::vector<float>& values, const std::vector<std::u
       return sum;
     });
   };
-  const double count = sum_of([](float) { return 1.0; });
+  const auto count = static_cast<double>(std::count(reasons.begin(), reasons.end(), 0));
   if (count == 0.0) return {};
   const double mean = sum_of([](float value) { return value; }) / count;
   const double squares = sum_of([&](float value) { return (value - mean) * (value - mean); });
   return {mean, std::sqrt(squares / count)};
 }
 
-/// `values` becomes function(value, i) where samples count, 0 elsewhere.
+/// `values` become function(value, i) where samples count, 0 elsewhere.
 template <typename Function>
-std::vector<float> where_counting(const ConditionedUltrasound& us, const std::vector<float>& values,
+std::vector<float> where_counting(const ConditionedUltrasound& us, std::vector<float> values,
                                   const Function& function) {
-  std::vector<float> result(values.size());
   parallel_ranges(values.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      if (us.reasons[i] == 0) result[i] = function(values[i], i);
+      values[i] = us.reasons[i] == 0 ? function(values[i], i) : 0.0F;
   });
-  return result;
+  return values;
 }
 
 std::vector<float> local_mean(const GaussianSums& sums, const ConditionedUltrasound& us,
-                              const std::vector<float>& values, const std::vector<float>& weight) {
-  return where_counting(us, sums(values),
+                              std::vector<float> values, const std::vector<float>& weight) {
+  return where_counting(us, sums(std::move(values)),
                         [&](float sum, std::size_t i) { return sum / weight[i]; });
 }
 
 std::vector<float> counting_mask(const ConditionedUltrasound& us) {
-  return where_counting(us, us.samples, [](float, std::size_t) { return 1.0F; });
+  return where_counting(us, std::vector<float>(us.reasons.size()),
+                        [](float, std::size_t) { return 1.0F; });
 }
 
 void smooth(const BeamGrid& beams, double sigma_mm, ConditionedUltrasound& us) {
   if (sigma_mm == 0.0) return;
   const GaussianSums sums(beams, sigma_mm);
-  us.samples = local_mean(sums, us, us.samples, sums(counting_mask(us)));
+  us.samples = local_mean(sums, us, std::move(us.samples), sums(counting_mask(us)));
 }
 
 void normalise(const BeamGrid& beams, const ConditioningOptions& options,
@@ -77,15 +77,15 @@ void normalise(const BeamGrid& beams, const ConditioningOptions& options,
   const std::vector<float> weight = sums(counting_mask(us));
   const std::vector<float> mean = local_mean(sums, us, us.samples, weight);
   if (options.normalisation == Normalisation::kFlatten) {
-    us.samples =
-        where_counting(us, us.samples, [&](float value, std::size_t i) { return value - mean[i]; });
+    us.samples = where_counting(us, std::move(us.samples),
+                                [&](float value, std::size_t i) { return value - mean[i]; });
     return;
   }
-  const std::vector<float> squares =
+  std::vector<float> squares =
       where_counting(us, us.samples, [](float value, std::size_t) { return value * value; });
-  const std::vector<float> mean_square = local_mean(sums, us, squares, weight);
+  const std::vector<float> mean_square = local_mean(sums, us, std::move(squares), weight);
   const auto least = static_cast<float>(options.least_deviation * options.least_deviation);
-  us.samples = where_counting(us, us.samples, [&](float value, std::size_t i) {
+  us.samples = where_counting(us, std::move(us.samples), [&](float value, std::size_t i) {
     const float variance = std::max(0.0F, mean_square[i] - mean[i] * mean[i]);
     return (value - mean[i]) / std::sqrt(variance + least);
   });
@@ -205,7 +205,7 @@ ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
   if (all.deviation <= kConstantShare * std::abs(all.mean))
     for (std::uint8_t& reasons : result.reasons)
       if (reasons == 0) reasons = kConstant;
-  result.samples = where_counting(result, result.samples, [&](float value, std::size_t) {
+  result.samples = where_counting(result, std::move(result.samples), [&](float value, std::size_t) {
     return in_deviations ? static_cast<float>((value - all.mean) / all.deviation) : value;
   });
   smooth(ultrasound.beams, options.smoothing_mm, result);

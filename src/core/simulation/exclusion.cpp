@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "parallel.h"
@@ -22,6 +23,33 @@ constexpr double kDarkShare = 0.9;
 constexpr int kWallNeighbours = 4;  // to either side, lines and frames
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
+constexpr std::uint32_t kLeadingBits = 12;  // sign, exponent, eighths of an octave
+
+/// The leading bits of a number, in the order of numbers.
+std::size_t leading_bits(float value) {
+  constexpr std::uint32_t kSign = 0x80000000U;
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &value, sizeof(bits));
+  bits ^= (bits & kSign) != 0 ? ~0U : kSign;
+  return bits >> (32U - kLeadingBits);
+}
+
+/// The value that `n` come before in order, of more than n finite ones; spoils them. Few
+/// share their leading bits with it: to select among these alone takes half the time.
+float nth(std::vector<float>& values, std::size_t n) {
+  std::array<std::uint32_t, std::size_t{1} << kLeadingBits> count{};
+  for (const float value : values) ++count[leading_bits(value)];
+  std::size_t bits = 0;
+  for (; n >= count[bits]; ++bits) n -= count[bits];
+  std::size_t sharing = 0;
+  for (const float value : values) {
+    values[sharing] = value;
+    sharing += leading_bits(value) == bits ? 1 : 0;
+  }
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(n);
+  std::nth_element(values.begin(), middle, values.begin() + static_cast<std::ptrdiff_t>(sharing));
+  return *middle;
+}
 
 /// Changes their order.
 template <typename Value>
@@ -48,8 +76,8 @@ class Exclusion {
     smooth();
     find_depths();
     find_far_wall();
-    const std::vector<double> usual = usual_grey();
-    parallel_for(beams_, [&](int beam) { mark(beam, usual); });
+    judge_depths();
+    for_beams([&](int beam) { mark(beam); });
   }
 
  private:
@@ -58,6 +86,15 @@ class Exclusion {
            static_cast<std::size_t>(sample);
   }
   bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
+
+  /// Frame by frame: a beam is too little work for a thread to fetch.
+  template <typename Body>
+  void for_beams(const Body& body) const {
+    const int lines = us_.beams.lines;
+    parallel_for_alike(us_.beams.frames, [&](int frame) {
+      for (int beam = frame * lines; beam < (frame + 1) * lines; ++beam) body(beam);
+    });
+  }
 
   /// Speckle averaged, over what is known.
   void smooth() {
@@ -70,8 +107,8 @@ class Exclusion {
         }
     });
     const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
-    soft_ = sums(soft_);
-    weight = sums(weight);
+    soft_ = sums(std::move(soft_));
+    weight = sums(std::move(weight));
     parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
         if (is_known(i)) soft_[i] /= weight[i];
@@ -83,7 +120,7 @@ class Exclusion {
   std::vector<double> usual_grey() const {
     constexpr int kAtOnce = 16;  // samples: what lies side by side in memory
     std::vector<double> result(static_cast<std::size_t>(samples_));
-    parallel_for((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
+    parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
       const int first = part * kAtOnce;
       const int last = std::min(samples_, first + kAtOnce);
       std::array<std::vector<float>, kAtOnce> values;
@@ -94,8 +131,9 @@ class Exclusion {
             values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
       for (int s = first; s < last; ++s) {
         std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
-        result[static_cast<std::size_t>(s)] =
-            column.empty() ? std::numeric_limits<double>::quiet_NaN() : median(column);
+        result[static_cast<std::size_t>(s)] = column.empty()
+                                                  ? std::numeric_limits<double>::quiet_NaN()
+                                                  : nth(column, column.size() / 2);
       }
     });
     return result;
@@ -105,12 +143,15 @@ class Exclusion {
   std::vector<double> mean_grey() const {
     std::vector<double> sum(static_cast<std::size_t>(samples_));
     std::vector<double> count(sum.size());
-    for (int beam = 0; beam < beams_; ++beam)
-      for (int s = 0; s < samples_; ++s)
-        if (is_known(at(beam, s))) {
-          sum[static_cast<std::size_t>(s)] += soft_[at(beam, s)];
-          count[static_cast<std::size_t>(s)] += 1.0;
-        }
+    for (int beam = 0; beam < beams_; ++beam) {
+      const float* soft = soft_.data() + at(beam, 0);
+      const std::uint8_t* known = us_.known.empty() ? nullptr : us_.known.data() + at(beam, 0);
+      for (std::size_t s = 0; s < sum.size(); ++s) {
+        const double counts = known == nullptr || known[s] != 0 ? 1.0 : 0.0;
+        sum[s] += counts * static_cast<double>(soft[s]);
+        count[s] += counts;
+      }
+    }
     for (std::size_t s = 0; s < sum.size(); ++s) sum[s] /= count[s];
     return sum;
   }
@@ -157,12 +198,10 @@ class Exclusion {
       return;
     const double grey = wall_grey();
     std::vector<int> found(wall_.size());
-    parallel_for(
-        beams_, [&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
+    for_beams([&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
     if (std::all_of(found.begin(), found.end(), [&](int s) { return s == samples_; })) return;
-    parallel_for(beams_, [&](int beam) {
-      wall_[static_cast<std::size_t>(beam)] = median_around(found, beam);
-    });
+    for_beams(
+        [&](int beam) { wall_[static_cast<std::size_t>(beam)] = median_around(found, beam); });
     const auto with_wall = static_cast<double>(
         std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
     result_.far_wall_share = with_wall / beams_;
@@ -176,15 +215,21 @@ class Exclusion {
   double wall_grey() const {
     constexpr int kBeams = 2000;  // are enough
     const int step = std::max(1, beams_ / kBeams);
-    std::vector<float> values;
+    const int end = samples_ * 2 / 3;
+    int first = 0;
+    while (first < end && axial_.depth_mm(first) < result_.min_depth_mm) ++first;
+    std::vector<float> values(static_cast<std::size_t>(end - first) *
+                              static_cast<std::size_t>(beams_ / step + 1));
+    std::size_t count = 0;
     for (int beam = 0; beam < beams_; beam += step)
-      for (int s = 0; s < samples_ * 2 / 3; ++s)
-        if (is_known(at(beam, s)) && axial_.depth_mm(s) >= result_.min_depth_mm)
-          values.push_back(soft_[at(beam, s)]);
+      for (int s = first; s < end; ++s) {
+        values[count] = soft_[at(beam, s)];
+        count += is_known(at(beam, s)) ? 1 : 0;
+      }
+    values.resize(count);
     if (values.empty()) return std::numeric_limits<double>::infinity();
-    const auto decile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
-    std::nth_element(values.begin(), decile, values.end());
-    return std::max(std::min(kWallRise * *decile, kSurelyWallGrey), options_.visible_grey);
+    const double decile = nth(values, values.size() * 9 / 10);
+    return std::max(std::min(kWallRise * decile, kSurelyWallGrey), options_.visible_grey);
   }
 
   int bright_echo(int beam, double wall_grey) const {
@@ -211,26 +256,41 @@ class Exclusion {
     return median(values);
   }
 
-  bool is_judged(int beam, int sample, const std::vector<double>& usual) const {
-    const double depth_mm = axial_.depth_mm(sample);
-    return is_known(at(beam, sample)) && depth_mm >= result_.min_depth_mm &&
-           depth_mm <= result_.max_depth_mm && sample < wall_[static_cast<std::size_t>(beam)] &&
-           usual[static_cast<std::size_t>(sample)] >= options_.visible_grey;
+  /// What holds for all beams alike.
+  void judge_depths() {
+    usual_ = usual_grey();
+    visible_.resize(usual_.size());
+    outside_.resize(usual_.size());
+    for (std::size_t s = 0; s < usual_.size(); ++s) {
+      const double depth_mm = axial_.depth_mm(static_cast<int>(s));
+      const bool inside = depth_mm >= result_.min_depth_mm && depth_mm <= result_.max_depth_mm;
+      outside_[s] = inside ? 0 : kOutsideDepth;
+      visible_[s] = inside && usual_[s] >= options_.visible_grey ? 1 : 0;
+    }
   }
 
-  /// A constant line, or one that is dark in every quarter of what is judged of it: behind a rib
-  /// the first quarter still shows tissue.
-  bool lacks_contact(int beam, const std::vector<double>& usual) const {
+  bool is_constant(int beam) const {
     float low = std::numeric_limits<float>::max();
     float high = std::numeric_limits<float>::lowest();
-    std::vector<int> judged;
-    for (int s = 0; s < samples_; ++s) {
+    for (int s = 0; s < samples_ && high - low <= kConstantGrey; ++s) {
       if (!is_known(at(beam, s))) continue;
       low = std::min(low, us_.brightness[at(beam, s)]);
       high = std::max(high, us_.brightness[at(beam, s)]);
-      if (is_judged(beam, s, usual)) judged.push_back(s);
     }
-    if (high - low <= kConstantGrey) return true;
+    return high - low <= kConstantGrey;
+  }
+
+  /// Samples by which a beam is judged.
+  std::vector<int> judged_of(int beam) const {
+    std::vector<int> judged;
+    judged.reserve(static_cast<std::size_t>(samples_));
+    for (int s = 0; s < std::min(samples_, wall_[static_cast<std::size_t>(beam)]); ++s)
+      if (visible_[static_cast<std::size_t>(s)] != 0 && is_known(at(beam, s))) judged.push_back(s);
+    return judged;
+  }
+
+  /// In every quarter of what is judged: behind a rib the first quarter still shows tissue.
+  bool is_dark(int beam, const std::vector<int>& judged) const {
     if (judged.size() < kParts) return false;
     for (std::size_t part = 0; part < kParts; ++part) {
       double sum = 0.0;
@@ -238,7 +298,7 @@ class Exclusion {
       for (std::size_t i = part * judged.size() / kParts; i < (part + 1) * judged.size() / kParts;
            ++i) {
         sum += soft_[at(beam, judged[i])];
-        usual_sum += usual[static_cast<std::size_t>(judged[i])];
+        usual_sum += usual_[static_cast<std::size_t>(judged[i])];
       }
       if (sum >= options_.no_contact_share * usual_sum) return false;
     }
@@ -247,39 +307,42 @@ class Exclusion {
 
   /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
   /// there is none.
-  int shadow_start(int beam, const std::vector<double>& usual) const {
+  int shadow_start(int beam, const std::vector<int>& judged) const {
     int start = samples_;
     int shadow = 0;
-    int judged = 0;
+    int seen = 0;
     int dark = 0;
-    for (int s = samples_ - 1; s >= 0; --s) {
-      if (!is_judged(beam, s, usual)) continue;
-      ++judged;
-      if (soft_[at(beam, s)] >= options_.shadow_share * usual[static_cast<std::size_t>(s)])
+    for (std::size_t i = judged.size(); i-- > 0;) {
+      const int s = judged[i];
+      ++seen;
+      if (soft_[at(beam, s)] >= options_.shadow_share * usual_[static_cast<std::size_t>(s)])
         continue;
       ++dark;
-      if (dark < kDarkShare * judged) continue;
+      if (dark < kDarkShare * seen) continue;
       start = s;
-      shadow = judged;
+      shadow = seen;
     }
     return shadow * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
   }
 
-  void mark(int beam, const std::vector<double>& usual) {
-    const bool no_contact = lacks_contact(beam, usual);
-    const int shadow = no_contact ? samples_ : shadow_start(beam, usual);
-    for (int s = 0; s < samples_; ++s) {
-      int reasons = 0;
-      const double depth_mm = axial_.depth_mm(s);
-      if (!is_known(at(beam, s))) reasons |= kUnknown;
-      if (depth_mm < result_.min_depth_mm || depth_mm > result_.max_depth_mm)
-        reasons |= kOutsideDepth;
-      if (s >= wall_[static_cast<std::size_t>(beam)]) reasons |= kFarWall;
-      if (no_contact) reasons |= kNoContact;
-      if (us_.brightness[at(beam, s)] >= options_.saturated_grey) reasons |= kSaturated;
-      if (s >= shadow) reasons |= kShadow;
-      result_.reasons[at(beam, s)] = static_cast<std::uint8_t>(reasons);
+  void mark(int beam) {
+    const std::vector<int> judged = judged_of(beam);
+    const bool no_contact = is_constant(beam) || is_dark(beam, judged);
+    const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
+    std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
+    const float* brightness = us_.brightness.data() + at(beam, 0);
+    for (std::size_t s = 0; s < outside_.size(); ++s) {
+      const int saturated = brightness[s] >= options_.saturated_grey ? kSaturated : 0;
+      reasons[s] = static_cast<std::uint8_t>(outside_[s] | saturated);
     }
+    const auto mark_from = [&](int first, ExclusionReason reason) {
+      for (int s = first; s < samples_; ++s) reasons[s] |= reason;
+    };
+    mark_from(wall_[static_cast<std::size_t>(beam)], kFarWall);
+    mark_from(shadow, kShadow);
+    if (no_contact) mark_from(0, kNoContact);
+    for (int s = 0; s < samples_; ++s)
+      if (!is_known(at(beam, s))) reasons[s] |= kUnknown;
   }
 
   const BeamUltrasound& us_;
@@ -290,6 +353,10 @@ class Exclusion {
   int beams_;
   std::vector<float> soft_;  // brightness with the speckle averaged
   std::vector<int> wall_;
+  // Per depth:
+  std::vector<double> usual_;
+  std::vector<std::uint8_t> visible_;  // 0 where even what is usual is dark, or of no interest
+  std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
 };
 
 }  // namespace

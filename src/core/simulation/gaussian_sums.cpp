@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "parallel.h"
 #include "simulation/row_sums.h"
@@ -97,8 +98,9 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   const auto samples = static_cast<std::size_t>(samples_.blocks());
   std::vector<float> position_mm(samples * count);  // rows fastest
   std::vector<float> factor(samples);               // of squared distances
-  for (std::size_t s = 0; s < samples; ++s) {
-    const double sample = samples_.middle(static_cast<int>(s));
+  parallel_for_alike(samples_.blocks(), [&](int sample_block) {
+    const auto s = static_cast<std::size_t>(sample_block);
+    const double sample = samples_.middle(sample_block);
     const std::vector<double> path =
         path_mm(rows.count, [&](int row) { return point_at(row, sample); });
     for (std::size_t row = 0; row < count; ++row)
@@ -106,31 +108,46 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
           static_cast<float>(interpolated_at(path, rows.middle(static_cast<int>(row))));
     const double block_mm = path.back() / std::max(1, rows.count - 1) * rows.size;
     factor[s] = static_cast<float>(-0.5 / variance_mm2(sigma_mm_, block_mm, rows.size));
-  }
+  });
   constexpr auto kLeastExponent = static_cast<float>(-0.5 * kReach * kReach);
-  Taps taps(count);
-  parallel_for(static_cast<int>(count), [&](int to) {
-    for (std::size_t from = 0; from < count; ++from) {
-      Tap tap{static_cast<int>(from), std::vector<float>(samples)};
-      bool any = false;
-      for (std::size_t s = 0; s < samples; ++s) {
-        const float* positions = position_mm.data() + s * count;
-        const float distance = positions[from] - positions[static_cast<std::size_t>(to)];
-        const float exponent = factor[s] * distance * distance;
-        if (exponent < kLeastExponent) continue;
-        tap.weights[s] = std::exp(exponent);
-        any = true;
-      }
-      if (any) taps[static_cast<std::size_t>(to)].push_back(std::move(tap));
+  const auto add_tap = [&](std::size_t from, std::size_t to, std::vector<Tap>& taps) {
+    Tap tap{static_cast<int>(from), std::vector<float>(samples)};
+    bool any = false;
+    for (std::size_t s = 0; s < samples; ++s) {
+      const float* positions = position_mm.data() + s * count;
+      const float distance = positions[from] - positions[to];
+      const float exponent = factor[s] * distance * distance;
+      if (exponent < kLeastExponent) continue;
+      tap.weights[s] = std::exp(exponent);
+      any = true;
     }
+    if (any) taps.push_back(std::move(tap));
+    return any;
+  };
+  Taps taps(count);
+  parallel_for_alike(static_cast<int>(count), [&](int row) {
+    const auto to = static_cast<std::size_t>(row);
+    // Positions are in the order of rows: beyond one that adds nothing, none does.
+    std::size_t first = to;
+    std::vector<Tap> before;
+    while (first-- > 0 && add_tap(first, to, before)) continue;
+    std::move(before.rbegin(), before.rend(), std::back_inserter(taps[to]));
+    for (std::size_t from = to; from < count && add_tap(from, to, taps[to]); ++from) continue;
   });
   return taps;
 }
 
-std::vector<float> GaussianSums::operator()(const std::vector<float>& values) const {
-  if (samples_.size == 1 && lines_.size == 1 && frames_.size == 1)
-    return across_frames(within_frames(values));
-  return interpolated(across_frames(within_frames(block_sums(values))));
+std::vector<float> GaussianSums::operator()(std::vector<float> values) const {
+  if (samples_.size == 1 && lines_.size == 1 && frames_.size == 1) {
+    sum_within_frames(values);
+    sum_across_frames(values);
+    return values;
+  }
+  std::vector<float> blocks = block_sums(values);
+  sum_within_frames(blocks);
+  sum_across_frames(blocks);
+  interpolate(blocks, values);
+  return values;
 }
 
 std::vector<float> GaussianSums::block_sums(const std::vector<float>& values) const {
@@ -141,7 +158,7 @@ std::vector<float> GaussianSums::block_sums(const std::vector<float>& values) co
   std::vector<std::size_t> block_of(row_size);
   for (std::size_t s = 0; s < row_size; ++s)
     block_of[s] = static_cast<std::size_t>(samples_.block_of(static_cast<int>(s)));
-  parallel_for(frames_.blocks(), [&](int frame_block) {
+  parallel_for_alike(frames_.blocks(), [&](int frame_block) {
     std::vector<float> row(row_size);
     for (int frame = 0; frame < frames_.count; ++frame) {
       if (frames_.block_of(frame) != frame_block) continue;
@@ -161,14 +178,13 @@ std::vector<float> GaussianSums::block_sums(const std::vector<float>& values) co
   return sums;
 }
 
-std::vector<float> GaussianSums::within_frames(const std::vector<float>& values) const {
+void GaussianSums::sum_within_frames(std::vector<float>& values) const {
   const auto row = static_cast<std::size_t>(samples_.blocks());
   const std::size_t frame_size = row * static_cast<std::size_t>(lines_.blocks());
   const std::size_t reach = kernel_.size() / 2;
   std::vector<std::vector<float>> weights;
   for (const float weight : kernel_) weights.emplace_back(row, weight);
-  std::vector<float> sums(values.size());
-  parallel_for(frames_.blocks(), [&](int frame) {
+  parallel_for_alike(frames_.blocks(), [&](int frame) {
     const std::size_t start = static_cast<std::size_t>(frame) * frame_size;
     std::vector<float> along(frame_size);
     std::vector<float> padded(row + 2 * reach);
@@ -184,32 +200,31 @@ std::vector<float> GaussianSums::within_frames(const std::vector<float>& values)
       for (const Tap& tap : line_taps_[line])
         rows.push_back(
             {tap.weights.data(), along.data() + static_cast<std::size_t>(tap.row) * row});
-      sum_rows(rows.data(), rows.size(), row, sums.data() + start + line * row);
+      sum_rows(rows.data(), rows.size(), row, values.data() + start + line * row);
     }
   });
-  return sums;
 }
 
-std::vector<float> GaussianSums::across_frames(const std::vector<float>& values) const {
+void GaussianSums::sum_across_frames(std::vector<float>& values) const {
   const auto row = static_cast<std::size_t>(samples_.blocks());
   const std::size_t frame_size = row * static_cast<std::size_t>(lines_.blocks());
-  std::vector<float> sums(values.size());
-  parallel_for(lines_.blocks(), [&](int line) {
-    const std::size_t start = static_cast<std::size_t>(line) * row;
+  parallel_for_alike(lines_.blocks(), [&](int line) {
+    float* const start = values.data() + static_cast<std::size_t>(line) * row;
+    std::vector<float> sums(frame_taps_.size() * row);
     std::vector<WeightedRow> rows;
     for (std::size_t frame = 0; frame < frame_taps_.size(); ++frame) {
       rows.clear();
       for (const Tap& tap : frame_taps_[frame])
-        rows.push_back({tap.weights.data(),
-                        values.data() + static_cast<std::size_t>(tap.row) * frame_size + start});
-      sum_rows(rows.data(), rows.size(), samples_.blocks(),
-               sums.data() + frame * frame_size + start);
+        rows.push_back(
+            {tap.weights.data(), start + static_cast<std::size_t>(tap.row) * frame_size});
+      sum_rows(rows.data(), rows.size(), row, sums.data() + frame * row);
     }
+    for (std::size_t frame = 0; frame < frame_taps_.size(); ++frame)
+      std::copy_n(sums.data() + frame * row, row, start + frame * frame_size);
   });
-  return sums;
 }
 
-std::vector<float> GaussianSums::interpolated(const std::vector<float>& sums) const {
+void GaussianSums::interpolate(const std::vector<float>& sums, std::vector<float>& values) const {
   const auto row = static_cast<std::size_t>(samples_.blocks());
   const auto row_size = static_cast<std::size_t>(samples_.count);
   const std::size_t frame_size = row * static_cast<std::size_t>(lines_.blocks());
@@ -217,9 +232,7 @@ std::vector<float> GaussianSums::interpolated(const std::vector<float>& sums) co
   std::vector<float> share(row_size);
   for (std::size_t s = 0; s < row_size; ++s)
     samples_.between(static_cast<int>(s), block[s], share[s]);
-  std::vector<float> result(row_size * static_cast<std::size_t>(lines_.count) *
-                            static_cast<std::size_t>(frames_.count));
-  parallel_for(frames_.count, [&](int frame) {
+  parallel_for_alike(frames_.count, [&](int frame) {
     int frame_block = 0;
     float frame_share = 0.0F;
     frames_.between(frame, frame_block, frame_share);
@@ -239,7 +252,7 @@ std::vector<float> GaussianSums::interpolated(const std::vector<float>& sums) co
       add(frame_block, line_block + 1, (1.0F - frame_share) * line_share);
       add(frame_block + 1, line_block, frame_share * (1.0F - line_share));
       add(frame_block + 1, line_block + 1, frame_share * line_share);
-      float* out = result.data() +
+      float* out = values.data() +
                    (static_cast<std::size_t>(frame) * static_cast<std::size_t>(lines_.count) +
                     static_cast<std::size_t>(line)) *
                        row_size;
@@ -249,7 +262,6 @@ std::vector<float> GaussianSums::interpolated(const std::vector<float>& sums) co
       }
     }
   });
-  return result;
 }
 
 }  // namespace usct

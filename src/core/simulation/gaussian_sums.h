@@ -18,8 +18,8 @@ class GaussianSums {
  public:
   GaussianSums(const BeamGrid& beams, double sigma_mm);
 
-  /// Samples x lines x frames in and out.
-  std::vector<float> operator()(const std::vector<float>& values) const;
+  /// Samples x lines x frames in and out; in place of those that are moved in.
+  std::vector<float> operator()(std::vector<float> values) const;
 
  private:
   /// The blocks along an axis. If they are larger than 1 there is an empty one beyond either end.
@@ -42,10 +42,11 @@ class GaussianSums {
   template <typename PointAt>
   Taps taps_across(const Blocks& rows, const PointAt& point_at) const;
   std::vector<float> block_sums(const std::vector<float>& values) const;
-  /// Along samples and across lines.
-  std::vector<float> within_frames(const std::vector<float>& values) const;
-  std::vector<float> across_frames(const std::vector<float>& values) const;
-  std::vector<float> interpolated(const std::vector<float>& sums) const;
+  /// Along samples and across lines; of values or blocks, in their place.
+  void sum_within_frames(std::vector<float>& values) const;
+  void sum_across_frames(std::vector<float>& values) const;
+  /// Between the sums of blocks.
+  void interpolate(const std::vector<float>& sums, std::vector<float>& values) const;
 
   double sigma_mm_;
   Blocks samples_;
