@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdlib>
 #include <new>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace usct {
@@ -35,6 +37,18 @@ struct LargePages {
     return static_cast<T*>(memory);
   }
   void deallocate(T* memory, std::size_t /*count*/) { std::free(memory); }
+
+  /// Leaves values that are not given as the memory has them: whoever writes all of them can do so
+  /// from many threads.
+  template <typename U>
+  void construct(U* value) noexcept {
+    static_assert(std::is_trivially_default_constructible_v<U>);
+    ::new (static_cast<void*>(value)) U;
+  }
+  template <typename U, typename... Arguments>
+  void construct(U* value, Arguments&&... arguments) {
+    ::new (static_cast<void*>(value)) U(std::forward<Arguments>(arguments)...);
+  }
 
   friend bool operator==(const LargePages&, const LargePages&) { return true; }
   friend bool operator!=(const LargePages&, const LargePages&) { return false; }

@@ -135,31 +135,45 @@ std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const Registrati
   return levels;
 }
 
+LevelImages::LevelImages(const StageOptions& stage, const PreparedUltrasound& prepared,
+                         const Volume<float>& ct, const RegistrationOptions& options)
+    : us_(prepared.us),
+      ct_(std::make_shared<const PackedCt>(ct, options.window, options.outside_hu)),
+      contents_(contents_for(options)) {
+  const Vector3i factors = factors_for_spacing(us_.beams, stage.spacing_mm);
+  if (factors != Vector3i::Ones()) averaged_ = decimate(us_, factors);
+}
+
+std::shared_ptr<const Similarity> LevelImages::similarity(const SimilarityOptions& options) {
+  auto found = std::find_if(patches_.begin(), patches_.end(),
+                            [&](const auto& cut) { return cut.first == options.patches; });
+  if (found == patches_.end())
+    found = patches_.insert(
+        found, {options.patches, std::make_shared<const UltrasoundPatches>(
+                                     cut_into_patches(us(), options.patches, contents_))});
+  return make_patch_similarity(found->second, ct_, options);
+}
+
 Level make_level(const StageOptions& stage, const PreparedUltrasound& prepared,
                  const CtInReach& in_reach, const Volume<float>& ct, bool with_confirmation,
                  const RegistrationOptions& options) {
-  const Vector3i factors = factors_for_spacing(prepared.us.beams, stage.spacing_mm);
-  const bool is_fine = factors == Vector3i::Ones();
-  const BeamUltrasound averaged = is_fine ? BeamUltrasound{} : decimate(prepared.us, factors);
-  const BeamUltrasound& us = is_fine ? prepared.us : averaged;
   Level level;
   if (simulates(stage)) {
-    level.similarity = make_simulated_lc2(us, {}, crop(in_reach.ct, in_reach.region),
-                                          options.simulation, options.fit);
+    const Vector3i factors = factors_for_spacing(prepared.us.beams, stage.spacing_mm);
+    level.similarity =
+        make_simulated_lc2(decimate(prepared.us, factors), {}, crop(in_reach.ct, in_reach.region),
+                           options.simulation, options.fit);
     return level;
   }
-  const auto packed = std::make_shared<const PackedCt>(ct, options.window, options.outside_hu);
-  const auto cut = [&](const SimilarityOptions& which) {
-    return std::make_shared<const UltrasoundPatches>(
-        cut_into_patches(us, which.patches, contents_for(options)));
-  };
-  const auto patches = cut(stage.similarity);
-  level.similarity = make_patch_similarity(patches, packed, stage.similarity);
-  if (!with_confirmation) return level;
-  const SimilarityOptions& other = options.confidence.confirmation;
-  level.confirmation = make_patch_similarity(
-      other.patches == stage.similarity.patches ? patches : cut(other), packed, other);
+  level.images = std::make_shared<LevelImages>(stage, prepared, ct, options);
+  level.similarity = level.images->similarity(stage.similarity);
+  if (with_confirmation)
+    level.confirmation = level.images->similarity(options.confidence.confirmation);
   return level;
+}
+
+bool shares_images(const StageOptions& stage, const StageOptions& other) {
+  return stage.spacing_mm == other.spacing_mm && !simulates(stage) && !simulates(other);
 }
 
 }  // namespace usct::registration

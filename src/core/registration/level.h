@@ -2,11 +2,15 @@
 
 #include <Eigen/Geometry>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/registration/registration_options.h"
+#include "us_ct_registration/similarity/packed_ct.h"
+#include "us_ct_registration/similarity/patch_similarity.h"
 #include "us_ct_registration/similarity/similarity.h"
+#include "us_ct_registration/similarity/ultrasound_patches.h"
 #include "us_ct_registration/volume/operations.h"
 
 /// What the stages of a registration look at: both images, prepared.
@@ -46,8 +50,29 @@ std::vector<Volume<float>> ct_levels(const CtInReach& in_reach, const Registrati
 /// The CT of one stage, likewise.
 Volume<float> ct_level(const CtInReach& in_reach, const StageOptions& stage);
 
-/// The similarity of a stage, and on request another one on the same images.
+/// What the similarities of a stage look at: ultrasound and CT, averaged to the stage's spacing.
+class LevelImages {
+ public:
+  /// `prepared` must outlive it; `ct` need not.
+  LevelImages(const StageOptions& stage, const PreparedUltrasound& prepared,
+              const Volume<float>& ct, const RegistrationOptions& options);
+
+  /// Shares patches with the others that cut the ultrasound into the same ones.
+  std::shared_ptr<const Similarity> similarity(const SimilarityOptions& options);
+
+ private:
+  const BeamUltrasound& us() const { return averaged_.brightness.empty() ? us_ : averaged_; }
+
+  const BeamUltrasound& us_;
+  BeamUltrasound averaged_;  // empty if the stage looks at `us_`
+  std::shared_ptr<const PackedCt> ct_;
+  PatchContents contents_;
+  std::vector<std::pair<PatchOptions, std::shared_ptr<const UltrasoundPatches>>> patches_;
+};
+
+/// The similarity of a stage, and for the decisive one another on the same images.
 struct Level {
+  std::shared_ptr<LevelImages> images;  // none where the stage simulates
   std::shared_ptr<const Similarity> similarity;
   std::shared_ptr<const Similarity> confirmation;
 };
@@ -56,5 +81,8 @@ struct Level {
 Level make_level(const StageOptions& stage, const PreparedUltrasound& prepared,
                  const CtInReach& in_reach, const Volume<float>& ct, bool with_confirmation,
                  const RegistrationOptions& options);
+
+/// Whether a stage can look at the images of another.
+bool shares_images(const StageOptions& stage, const StageOptions& other);
 
 }  // namespace usct::registration

@@ -108,9 +108,18 @@ class Registration {
   }
 
   /// Of the last stage, on the CT around the best optimum alone: it has the finest images, and what
-  /// it moves further than the gates allow is refused.
+  /// it moves further than the gates allow is refused. If they are no finer than those of the
+  /// decisive stage, on the same.
   void make_last_level() {
     const StageOptions& stage = options_.stages.back();
+    levels_.resize(decisive() + 1);  // without that of an earlier round
+    if (registration::shares_images(stage, options_.stages[decisive()])) {
+      const std::shared_ptr<registration::LevelImages> images = levels_.back().images;
+      levels_.push_back(refuse_blank([&] {
+        return Level{images, images->similarity(stage.similarity), nullptr};
+      }));
+      return;
+    }
     const double margin_mm =
         std::min(2.0 * options_.confidence.max_disagreement_mm, stage.reach_mm);
     // What simulates follows beams from the probe on.
@@ -120,18 +129,24 @@ class Registration {
             : registration::ct_around(ct_, prepared_, optima_.front().T_us_ct, margin_mm);
     if (near.region.size.minCoeff() < kLeastVoxels)
       throw Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
-    levels_.resize(decisive() + 1);  // without that of an earlier round
     levels_.push_back(
         make_level(options_.stages.size() - 1, near, registration::ct_level(near, stage)));
   }
 
   Level make_level(std::size_t stage, const registration::CtInReach& in_reach,
                    const Volume<float>& ct) {
-    try {
+    return refuse_blank([&] {
       return registration::make_level(options_.stages[stage], prepared_, in_reach, ct,
                                       stage == decisive(), options_);
+    });
+  }
+
+  /// Options and images are valid: what `make` throws is ultrasound without structure.
+  template <typename Make>
+  static Level refuse_blank(const Make& make) {
+    try {
+      return make();
     } catch (const InputError& error) {
-      // Options and images are valid: what is left is ultrasound without structure.
       throw Refusal{RegistrationStatus::kFailed, error.what()};
     }
   }

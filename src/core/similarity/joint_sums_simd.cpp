@@ -138,7 +138,7 @@ JointSums joint_sums(const JointSumsInput& in) {
       static_cast<std::size_t>(in.rows) * static_cast<std::size_t>(in.columns);
   const std::size_t cells =
       static_cast<std::size_t>(in.rows - 1) * static_cast<std::size_t>(in.columns - 1);
-  LargeVector<float> tables(kTables * kPerCell * cells);  // aligned
+  LargeVector<float> tables(kTables * kPerCell * cells, 0.0F);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
   const auto add_rest =
       is_moved(in.samples.errors) ? add_samples<Where::kMoved> : add_samples<Where::kAnywhere>;

@@ -117,16 +117,16 @@ class Cutter {
     allocate();
     const std::vector<Beam> motions = with_beams_ ? sweep_motions() : std::vector<Beam>{};
     constexpr std::size_t kAtOnce = 64;
-    const std::size_t count = boxes_.size();
-    parallel_for(static_cast<int>((count + kAtOnce - 1) / kAtOnce), [&](int part) {
-      const std::size_t first = static_cast<std::size_t>(part) * kAtOnce;
-      for (std::size_t p = first; p < std::min(count, first + kAtOnce); ++p) fill(p, motions);
-    });
-    parallel_for(static_cast<int>((result_.blocks.size() + kAtOnce - 1) / kAtOnce), [&](int part) {
-      const std::size_t first = static_cast<std::size_t>(part) * kAtOnce;
-      for (std::size_t b = first; b < std::min(result_.blocks.size(), first + kAtOnce); ++b)
-        enclose(result_.blocks[b]);
-    });
+    const auto each_of = [](std::size_t count, const auto& work) {
+      parallel_ranges(
+          count,
+          [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) work(i);
+          },
+          kAtOnce);
+    };
+    each_of(boxes_.size(), [&](std::size_t patch) { fill(patch, motions); });
+    each_of(result_.blocks.size(), [&](std::size_t block) { enclose(result_.blocks[block]); });
     return std::move(result_);
   }
 
@@ -244,14 +244,23 @@ class Cutter {
     size_in_memory_ = begin;
   }
 
+  /// Strands that are shorter than their block stay as this leaves them.
   void allocate() {
-    for (auto* values : {&result_.x_mm, &result_.y_mm, &result_.z_mm})
-      values->assign(size_in_memory_, UltrasoundPatches::kNowhere);
-    result_.value.assign(size_in_memory_, 0.0F);
-    if (!with_beams_) return;
-    for (auto* values : {&result_.direction_x, &result_.direction_y, &result_.direction_z,
-                         &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm})
-      values->assign(size_in_memory_, 0.0F);
+    std::vector<std::pair<LargeVector<float>*, float>> all{
+        {&result_.x_mm, UltrasoundPatches::kNowhere},
+        {&result_.y_mm, UltrasoundPatches::kNowhere},
+        {&result_.z_mm, UltrasoundPatches::kNowhere},
+        {&result_.value, 0.0F}};
+    if (with_beams_)
+      for (auto* values : {&result_.direction_x, &result_.direction_y, &result_.direction_z,
+                           &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm})
+        all.emplace_back(values, 0.0F);
+    for (const auto& [values, padding] : all) values->resize(size_in_memory_);
+    parallel_ranges(size_in_memory_, [&](std::size_t begin, std::size_t end) {
+      for (const auto& [values, padding] : all)
+        std::fill(values->begin() + static_cast<std::ptrdiff_t>(begin),
+                  values->begin() + static_cast<std::ptrdiff_t>(end), padding);
+    });
   }
 
   void fill(std::size_t p, const std::vector<Beam>& motions) {
