@@ -166,20 +166,14 @@ HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
   // Lanes 0 1, 4 5, ... and 2 3, 6 7, ...: what interleaving within 128 bits gives.
   const auto low = hn::BitCast(DI64(), hn::InterleaveLower(di, cell.lower, hn::Zero(di)));
   const auto high = hn::BitCast(DI64(), hn::InterleaveUpper(di, cell.lower, hn::Zero(di)));
-  Pairs a;
-  Pairs b;
-  if (kNearest) {
-    a = load(scene.voxels, low);
-    b = load(scene.voxels, high);
-  } else {
-    const Index& w = cell.w;
-    a = trilinear(scene, low,
-                  {hn::InterleaveLower(d, w.x, w.x), hn::InterleaveLower(d, w.y, w.y),
-                   hn::InterleaveLower(d, w.z, w.z)});
-    b = trilinear(scene, high,
-                  {hn::InterleaveUpper(d, w.x, w.x), hn::InterleaveUpper(d, w.y, w.y),
-                   hn::InterleaveUpper(d, w.z, w.z)});
-  }
+  const auto pairs = [&](hn::Vec<DI64> offsets, const Index& w) HWY_ATTR {
+    return kNearest ? load(scene.voxels, offsets) : trilinear(scene, offsets, w);
+  };
+  const Index& w = cell.w;
+  const Pairs a = pairs(low, {hn::InterleaveLower(d, w.x, w.x), hn::InterleaveLower(d, w.y, w.y),
+                              hn::InterleaveLower(d, w.z, w.z)});
+  const Pairs b = pairs(high, {hn::InterleaveUpper(d, w.x, w.x), hn::InterleaveUpper(d, w.y, w.y),
+                               hn::InterleaveUpper(d, w.z, w.z)});
   const V even_low = hn::InterleaveLower(d, a.even, b.even);
   const V even_high = hn::InterleaveUpper(d, a.even, b.even);
   const V odd_low = hn::InterleaveLower(d, a.odd, b.odd);
