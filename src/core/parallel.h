@@ -66,8 +66,8 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   failure.rethrow();
 }
 
-/// Likewise, for bodies of equal work in a loop after the other: each thread runs neighbours, and
-/// in the next loop the same ones again, so that it finds what it wrote in its own cache.
+/// Likewise, for bodies of equal work: each thread runs neighbours, and in the next such loop the
+/// same ones again, so that it finds what it wrote in its own cache.
 template <typename Body>
 void parallel_for_alike(int count, const Body& body) {
   FirstFailure failure;

@@ -21,9 +21,8 @@ void add_register_command(CLI::App& app, Run& run);
 void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
 void add_study_command(CLI::App& app, Run& run);
-/// Hands over to the program usct_bag (ros/): what needs ROS is loaded by nothing else, for its
-/// libraries take a fifth of the time of a quick registration to load. In a build without ROS it
-/// says so.
+/// Hands over to the program usct_bag (ros/), so that nothing else loads ROS' libraries, which
+/// takes 20 ms. In a build without ROS it says so.
 void add_bag_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools

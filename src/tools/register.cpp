@@ -121,8 +121,8 @@ void set_threads(const RegisterCommand& command) {
   if (command.threads > 0) omp_set_num_threads(command.threads);
 }
 
-/// Beside the ultrasound, where there is a second thread. Threads have numbers of threads of their
-/// own.
+/// Beside the ultrasound, if there is a second thread. OpenMP's number of threads is set there once
+/// more: each thread has its own.
 std::future<CtVolume> start_reading_ct(const RegisterCommand& command) {
   return std::async(command.threads == 1 ? std::launch::deferred : std::launch::async, [&command] {
     set_threads(command);

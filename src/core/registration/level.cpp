@@ -27,9 +27,9 @@ std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
   for (int f = 0; f < us.beams.frames; ++f)
     for (int l = 0; l < us.beams.lines; ++l)
       for (int s = 0; s < us.beams.samples(); ++s, ++i) {
-        if (us.known[i] == 0 || to_skip-- > 0) continue;
-        to_skip = step - 1;
-        points.push_back(us.beams.point(f, l, s));
+        if (us.known[i] == 0) continue;
+        if (to_skip == 0) points.push_back(us.beams.point(f, l, s));
+        to_skip = to_skip == 0 ? step - 1 : to_skip - 1;
       }
   return points;
 }

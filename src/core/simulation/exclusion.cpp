@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "parallel.h"
 #include "simulation/gaussian_sums.h"
 #include "simulation/require.h"
+#include "simulation/selection.h"
 
 namespace usct {
 namespace {
@@ -23,33 +23,6 @@ constexpr double kDarkShare = 0.9;
 constexpr int kWallNeighbours = 4;  // to either side, lines and frames
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
-constexpr std::uint32_t kLeadingBits = 12;  // sign, exponent, eighths of an octave
-
-/// The leading bits of a number, in the order of numbers.
-std::size_t leading_bits(float value) {
-  constexpr std::uint32_t kSign = 0x80000000U;
-  std::uint32_t bits = 0;
-  std::memcpy(&bits, &value, sizeof(bits));
-  bits ^= (bits & kSign) != 0 ? ~0U : kSign;
-  return bits >> (32U - kLeadingBits);
-}
-
-/// The value that `n` come before in order, of more than n finite ones; spoils them. Few
-/// share their leading bits with it: to select among these alone takes half the time.
-float nth(std::vector<float>& values, std::size_t n) {
-  std::array<std::uint32_t, std::size_t{1} << kLeadingBits> count{};
-  for (const float value : values) ++count[leading_bits(value)];
-  std::size_t bits = 0;
-  for (; n >= count[bits]; ++bits) n -= count[bits];
-  std::size_t sharing = 0;
-  for (const float value : values) {
-    values[sharing] = value;
-    sharing += leading_bits(value) == bits ? 1 : 0;
-  }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(n);
-  std::nth_element(values.begin(), middle, values.begin() + static_cast<std::ptrdiff_t>(sharing));
-  return *middle;
-}
 
 /// Changes their order.
 template <typename Value>
@@ -133,7 +106,7 @@ class Exclusion {
         std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
         result[static_cast<std::size_t>(s)] = column.empty()
                                                   ? std::numeric_limits<double>::quiet_NaN()
-                                                  : nth(column, column.size() / 2);
+                                                  : nth_value(column, column.size() / 2);
       }
     });
     return result;
@@ -228,7 +201,7 @@ class Exclusion {
       }
     values.resize(count);
     if (values.empty()) return std::numeric_limits<double>::infinity();
-    const double decile = nth(values, values.size() * 9 / 10);
+    const double decile = nth_value(values, values.size() * 9 / 10);
     return std::max(std::min(kWallRise * decile, kSurelyWallGrey), options_.visible_grey);
   }
 
