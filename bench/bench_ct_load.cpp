@@ -9,8 +9,8 @@
 #include <string>
 
 #include "finish.h"
-#include "us_ct_registration/io/dicom.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 
 #include "finish.h"
 #include "us_ct_registration/evaluation/perturbation.h"
-#include "us_ct_registration/evaluation/target_errors.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/phantom/phantom.h"
 #include "us_ct_registration/registration/registration.h"
 #include "us_ct_registration/volume/operations.h"

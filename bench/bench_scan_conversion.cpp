@@ -1,11 +1,10 @@
 #include "finish.h"
-#include "us_ct_registration/geometry/compounding.h"
-#include "us_ct_registration/geometry/scan_conversion.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/ultrasound/compounding.h"
+#include "us_ct_registration/ultrasound/scan_conversion.h"
 
 namespace usct {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 /// 128 x 154 x 81, as the thesis' fifth phantom.
 PreScanVolume motorised_sweep() {

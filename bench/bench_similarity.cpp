@@ -4,7 +4,7 @@
 
 #include "finish.h"
 #include "us_ct_registration/similarity/patch_similarity.h"
-#include "us_ct_registration/simulation/decimation.h"
+#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct {
 namespace {

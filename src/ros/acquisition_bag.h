@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// Bags of acquisitions: what an operating room would have recorded, made of files, and the way

@@ -16,7 +16,7 @@
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 #include "us_ct_registration/registration/registration_result.h"
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// Between the core (millimetres, radians) and messages (metres, radians): the only place where the

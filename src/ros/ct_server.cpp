@@ -10,7 +10,7 @@
 #include "ros/parameters.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -14,7 +14,7 @@
 #include <string>
 
 #include "ros/data_root.h"
-#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/rendering/surface.h"
 
 namespace usct::ros_interface {

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <vector>
 
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -17,7 +17,7 @@
 
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
-#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct::ros_interface {

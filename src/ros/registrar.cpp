@@ -6,7 +6,7 @@
 #include "ros/conversions.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/registration/registration.h"
 
 namespace usct::ros_interface {

@@ -7,7 +7,7 @@
 
 #include "ros/conversions.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/geometry/image_lag.h"
+#include "us_ct_registration/ultrasound/image_lag.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 
 namespace usct::ros_interface {
 

@@ -9,7 +9,7 @@
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/beam_grid.h"
-#include "us_ct_registration/simulation/decimation.h"
+#include "us_ct_registration/ultrasound/decimation.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::ros_interface {

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct::ros_interface {

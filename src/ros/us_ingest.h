@@ -17,7 +17,7 @@
 #include "ros/sweep_assembler.h"
 #include "ros/ultrasound_file.h"
 #include "ros/watched_folder.h"
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 
 namespace usct::ros_interface {
 

@@ -2,7 +2,7 @@
 
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::tools {
 

@@ -4,13 +4,12 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/probe_config.h"
-#include "us_ct_registration/io/wire_distances.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/ultrasound/probe_config.h"
+#include "us_ct_registration/io/ultrasound/wire_distances.h"
 
 namespace usct::tools {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 struct CalibrateOptions {
   std::string wire_distances;

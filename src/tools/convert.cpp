@@ -9,10 +9,10 @@
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/file_kind.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct::tools {

@@ -7,16 +7,17 @@
 #include "inputs.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/igsio.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/propello.h"
-#include "us_ct_registration/io/ultrasonix.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/propello.h"
+#include "us_ct_registration/io/ultrasound/ultrasonix.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::tools {
 namespace {
 
-constexpr double kMillidegrees = 1000.0 * 180.0 / 3.14159265358979323846;
+constexpr double kMillidegrees = 1000.0 / kDegree;
 /// Steps that differ by less than this are one pitch.
 constexpr double kEvenMillidegrees = 0.5;
 constexpr double kSpeedOfSoundMPerS = 1540.0;

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "ultrasound_options.h"
-#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/ultrasound/conditioning.h"
 
 namespace usct::tools {
 

@@ -4,25 +4,25 @@
 #include <cmath>
 #include <numeric>
 
-#include "us_ct_registration/geometry/scan_conversion.h"
-#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/file_kind.h"
-#include "us_ct_registration/io/igsio.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/probe_config.h"
-#include "us_ct_registration/io/propello.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/ultrasonix.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/probe_config.h"
+#include "us_ct_registration/io/ultrasound/propello.h"
+#include "us_ct_registration/io/ultrasound/ultrasonix.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
+#include "us_ct_registration/ultrasound/scan_conversion.h"
 
 namespace usct::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 /// Above this fraction of full-scale samples the gain was too high to tell tissues apart.
 constexpr double kSaturatedFraction = 0.02;
 
@@ -142,7 +142,7 @@ void describe_tracking(const TrackedSweep& sweep, Json& json) {
     turn_rad += std::abs(Eigen::AngleAxisd(step.linear()).angle());
   }
   json["path_of_the_origin_mm"] = path_mm;
-  json["path_turn_deg"] = turn_rad * kDegrees;
+  json["path_turn_deg"] = turn_rad / kDegree;
   if (!sweep.frame_times_s.empty())
     json["duration_s"] = sweep.frame_times_s.back() - sweep.frame_times_s.front();
 }
@@ -173,15 +173,15 @@ Json describe_prescan(const std::filesystem::path& path) {
                       geometry.axial.depth_mm(geometry.samples() - 1)};
   if (const auto* array = std::get_if<CurvilinearArray>(&geometry.array)) {
     json["probe_radius_mm"] = array->probe_radius_mm;
-    describe_table(array->line_angles_rad, kDegrees, "line_angles_deg", json);
+    describe_table(array->line_angles_rad, 1.0 / kDegree, "line_angles_deg", json);
   } else {
     describe_table(std::get<LinearArray>(geometry.array).line_positions_mm, 1.0,
                    "line_positions_mm", json);
   }
   if (const auto* sweep = std::get_if<MotorSweep>(&geometry.motion)) {
     json["motor_radius_mm"] = sweep->motor_radius_mm;
-    describe_table(sweep->frame_angles_rad, kDegrees, "frame_angles_deg", json);
-    json["frame_travel_deg"] = sweep->frame_travel_rad * kDegrees;
+    describe_table(sweep->frame_angles_rad, 1.0 / kDegree, "frame_angles_deg", json);
+    json["frame_travel_deg"] = sweep->frame_travel_rad / kDegree;
   } else {
     describe_tracking(std::get<TrackedSweep>(geometry.motion), json);
   }
@@ -265,7 +265,7 @@ Json describe_transform(const std::filesystem::path& path) {
     for (int column = 0; column < 4; ++column) line.push_back(T_us_ct.matrix()(row, column));
     json["T_us_ct"].push_back(line);
   }
-  json["rotation_deg"] = Eigen::AngleAxisd(T_us_ct.linear()).angle() * kDegrees;
+  json["rotation_deg"] = Eigen::AngleAxisd(T_us_ct.linear()).angle() / kDegree;
   json["translation_mm"] = T_us_ct.translation().norm();
   return json;
 }
@@ -304,7 +304,7 @@ Json describe_probe(const std::filesystem::path& path) {
   json["lines"] = line_count(probe.array);
   if (const auto* array = std::get_if<CurvilinearArray>(&probe.array)) {
     json["probe_radius_mm"] = array->probe_radius_mm;
-    describe_table(array->line_angles_rad, kDegrees, "line_angles_deg", json);
+    describe_table(array->line_angles_rad, 1.0 / kDegree, "line_angles_deg", json);
   } else {
     describe_table(std::get<LinearArray>(probe.array).line_positions_mm, 1.0, "line_positions_mm",
                    json);

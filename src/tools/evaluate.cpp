@@ -4,10 +4,10 @@
 
 #include "commands.h"
 #include "exit_status.h"
-#include "us_ct_registration/evaluation/target_errors.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct::tools {
 namespace {

@@ -3,8 +3,8 @@
 #include <cstdio>
 
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/registration/landmarks.h"
 #include "us_ct_registration/registration/rough_pose.h"
 

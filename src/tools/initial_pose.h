@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/simulation/ultrasound_beams.h"
+#include "us_ct_registration/ultrasound/ultrasound_beams.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct::tools {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct::tools {

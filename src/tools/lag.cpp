@@ -5,7 +5,7 @@
 #include "exit_status.h"
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/geometry/image_lag.h"
+#include "us_ct_registration/ultrasound/image_lag.h"
 
 namespace usct::tools {
 namespace {

@@ -6,7 +6,7 @@
 #include "inputs.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/phantom/phantom_files.h"
 
 namespace usct::tools {

@@ -2,7 +2,7 @@
 
 #include "commands.h"
 #include "exit_status.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct::tools {
 namespace {

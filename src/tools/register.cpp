@@ -15,11 +15,12 @@
 #include "inputs.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/evaluation/target_errors.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/registration_options_io.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/registration/rough_pose.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 
@@ -61,7 +62,7 @@ struct Case {
 };
 
 void start_from_all_orientations(RegistrationOptions& options) {
-  constexpr double kHalfTurn = 3.14159265358979323846;
+  constexpr double kHalfTurn = kPi;
   StageOptions& first = options.stages.front();
   if (!first.starts)
     throw InputError("--all-orientations",
@@ -174,7 +175,6 @@ struct Motion {
 
 Motion motion_between(const Eigen::Isometry3d& T_us_ct_from, const Eigen::Isometry3d& T_us_ct_to,
                       const Eigen::Vector3d& point_us_mm) {
-  constexpr double kDegree = 3.14159265358979323846 / 180.0;
   const Eigen::Isometry3d T = T_us_ct_to * T_us_ct_from.inverse();
   return {(T * point_us_mm - point_us_mm).norm(), Eigen::AngleAxisd(T.linear()).angle() / kDegree};
 }

@@ -15,11 +15,11 @@
 #include "simulation_pictures.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
-#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/simulation/simulation.h"
+#include "us_ct_registration/ultrasound/conditioning.h"
 
 namespace usct::tools {
 namespace {

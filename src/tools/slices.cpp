@@ -10,8 +10,8 @@
 #include "progress_bar.h"
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct::tools {
 namespace {

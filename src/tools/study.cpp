@@ -11,14 +11,13 @@
 #include "study_pictures.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/study_report.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/registration/registration.h"
-#include "us_ct_registration/simulation/ultrasound_beams.h"
+#include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 namespace usct::tools {
 namespace {
-
-constexpr double kDegree = 0.017453292519943295;
 
 struct StudyCommand {
   std::vector<std::string> folders;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/rendering/plot.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 
 namespace usct::tools {
 

@@ -1,5 +1,5 @@
 #include "fuzz_main.h"
-#include "io/dicom_file.h"
+#include "io/dicom/dicom_file.h"
 #include "memory_file.h"
 
 namespace usct::fuzz {

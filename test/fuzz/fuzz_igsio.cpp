@@ -1,5 +1,5 @@
 #include "fuzz_main.h"
-#include "io/igsio_format.h"
+#include "io/ultrasound/igsio_format.h"
 
 namespace usct::fuzz {
 namespace {

@@ -1,5 +1,5 @@
 #include "fuzz_main.h"
-#include "io/prescan_nrrd_format.h"
+#include "io/ultrasound/prescan_nrrd_format.h"
 
 namespace usct::fuzz {
 namespace {

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "fuzz_main.h"
-#include "io/propello_format.h"
+#include "io/ultrasound/propello_format.h"
 
 namespace usct::fuzz {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "fuzz_main.h"
-#include "io/ultrasonix_format.h"
+#include "io/ultrasound/ultrasonix_format.h"
 
 namespace usct::fuzz {
 

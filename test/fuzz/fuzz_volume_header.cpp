@@ -1,7 +1,7 @@
 #include <cstring>
 
 #include "fuzz_main.h"
-#include "io/volume_header.h"
+#include "io/volumes/volume_header.h"
 #include "memory_file.h"
 
 namespace usct::fuzz {

@@ -15,11 +15,11 @@
 #include <map>
 #include <mutex>
 
-#include "core/geometry/lagging_sweep.h"
 #include "core/io/temporary_folder.h"
+#include "core/ultrasound/lagging_sweep.h"
 #include "ros/conversions.h"
 #include "ros/frames.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// Ultrasound and starts for which there is no right registration: what a registration must refuse.

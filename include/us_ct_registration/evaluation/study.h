@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "us_ct_registration/evaluation/perturbation.h"
-#include "us_ct_registration/evaluation/target_errors.h"
+#include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/registration/registration_result.h"
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// A study: many registrations of cases with known truth, and how far off each was. The tables made

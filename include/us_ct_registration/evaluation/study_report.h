@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "us_ct_registration/evaluation/study.h"
-#include "us_ct_registration/simulation/ultrasound_beams.h"
+#include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 /// A study in writing: Markdown for people, JSON for programs.
 namespace usct {

@@ -2,10 +2,11 @@
 
 #include <Eigen/Geometry>
 #include <cstddef>
+#include <string>
 #include <vector>
 
+#include "us_ct_registration/geometry/grid.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
-#include "us_ct_registration/volume/grid.h"
 
 namespace usct {
 
@@ -33,6 +34,10 @@ struct BeamGrid {
     const Beam& b = beam(frame, line);
     return b.origin_mm + axial.depth_mm(sample) * b.direction;
   }
+
+  /// Throws InputError, naming `source`, unless there are samples, and as many beams as lines and
+  /// frames say, finite and with directions of unit length.
+  void validate(const std::string& source = "beam grid") const;
 };
 
 /// Variant B of the thesis: the true beams of a pre-scan acquisition. Throws InputError if the

@@ -14,7 +14,7 @@
 #include "us_ct_registration/phantom/tissue.h"
 #include "us_ct_registration/phantom/ultrasound_options.h"
 #include "us_ct_registration/progress.h"
-#include "us_ct_registration/volume/prescan_volume.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// A digital phantom: CT and pre-scan ultrasound of one anatomy in a known relative pose.

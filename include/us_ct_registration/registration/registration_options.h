@@ -8,9 +8,9 @@
 #include "us_ct_registration/optimizer/optimizer.h"
 #include "us_ct_registration/registration/starts.h"
 #include "us_ct_registration/similarity/patch_similarity.h"
-#include "us_ct_registration/simulation/conditioning.h"
-#include "us_ct_registration/simulation/hu_window.h"
 #include "us_ct_registration/simulation/simulation.h"
+#include "us_ct_registration/ultrasound/conditioning.h"
+#include "us_ct_registration/volume/hu_window.h"
 
 namespace usct {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "us_ct_registration/geometry/beam_grid.h"
-#include "us_ct_registration/volume/grid.h"
+#include "us_ct_registration/geometry/grid.h"
 
 namespace usct {
 

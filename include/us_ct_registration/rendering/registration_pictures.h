@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/geometry/scan_conversion.h"
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/rendering/picture.h"
 #include "us_ct_registration/rendering/slices.h"
+#include "us_ct_registration/ultrasound/scan_conversion.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// Pictures for people to judge a registration by: iso-lines of the CT, drawn on the ultrasound,

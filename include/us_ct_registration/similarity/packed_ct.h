@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "us_ct_registration/similarity/large_pages.h"
-#include "us_ct_registration/simulation/hu_window.h"
+#include "us_ct_registration/volume/hu_window.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "us_ct_registration/similarity/similarity.h"
-#include "us_ct_registration/simulation/conditioning.h"
 #include "us_ct_registration/simulation/simulation.h"
+#include "us_ct_registration/ultrasound/conditioning.h"
 
 namespace usct {
 

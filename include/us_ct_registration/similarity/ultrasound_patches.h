@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "us_ct_registration/similarity/large_pages.h"
-#include "us_ct_registration/simulation/conditioning.h"
+#include "us_ct_registration/ultrasound/beam_ultrasound.h"
 
 namespace usct {
 

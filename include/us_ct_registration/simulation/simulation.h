@@ -9,7 +9,7 @@
 
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/progress.h"
-#include "us_ct_registration/simulation/hu_window.h"
+#include "us_ct_registration/volume/hu_window.h"
 #include "us_ct_registration/volume/sampling.h"
 #include "us_ct_registration/volume/volume.h"
 

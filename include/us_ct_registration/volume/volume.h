@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
-#include "us_ct_registration/volume/grid.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/grid.h"
 
 namespace usct {
 
@@ -21,6 +23,16 @@ struct Volume {
 
   T& at(int i, int j, int k) { return voxels[grid.offset(i, j, k)]; }
   const T& at(int i, int j, int k) const { return voxels[grid.offset(i, j, k)]; }
+
+  /// Throws InputError, naming `source`, unless the grid is valid and the voxels are as many as it
+  /// has.
+  void validate(const std::string& source) const {
+    grid.validate(source);
+    if (voxels.size() != grid.voxel_count())
+      throw InputError(source, "'voxels' is " + std::to_string(voxels.size()) +
+                                   ", must be as many as the grid has, " +
+                                   std::to_string(grid.voxel_count()));
+  }
 };
 
 /// Computed tomography: Hounsfield units, LPS millimetres.

@@ -5,6 +5,7 @@
 
 #include "phantom/random.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 
 namespace usct {
@@ -14,7 +15,6 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using phantom::Sequence;
 
-constexpr double kPi = 3.14159265358979323846;
 /// What random numbers are for.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
 

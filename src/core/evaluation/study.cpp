@@ -10,10 +10,11 @@
 #include "phantom/random.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 
 namespace usct {
@@ -209,7 +210,6 @@ void StudyOptions::validate(const std::string& source) const {
       throw InputError(source, "'" + std::string(field) + "' is " + std::to_string(value) +
                                    ", must be " + constraint);
   };
-  constexpr double kPi = 3.14159265358979323846;
   check(starts >= 1, "starts", starts, ">= 1");
   check(bins >= 1, "bins", bins, ">= 1");
   check(std::isfinite(min_displacement_mm) && min_displacement_mm >= 0.0, "min_displacement_mm",

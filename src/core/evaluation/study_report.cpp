@@ -7,13 +7,12 @@
 
 #include "io/bytes.h"
 #include "us_ct_registration/evaluation/study_statistics.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDegree = 0.017453292519943295;
 
 __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
   std::array<char, 256> buffer{};

@@ -1,8 +1,27 @@
 #include "us_ct_registration/geometry/beam_grid.h"
 
-#include "us_ct_registration/error.h"
+#include <cmath>
+
+#include "require.h"
 
 namespace usct {
+
+void BeamGrid::validate(const std::string& source) const {
+  require(samples() > 0, source, "samples", samples(), "> 0");
+  require(is_positive(axial.spacing_mm), source, "spacing_mm", axial.spacing_mm, "> 0");
+  require(std::isfinite(axial.start_depth_mm), source, "start_depth_mm", axial.start_depth_mm,
+          "finite");
+  require(lines > 0, source, "lines", lines, "> 0");
+  require(frames > 0, source, "frames", frames, "> 0");
+  require(beams.size() == static_cast<std::size_t>(lines) * static_cast<std::size_t>(frames),
+          source, "beams", static_cast<double>(beams.size()), "lines x frames");
+  constexpr double kTolerance = 1e-3;
+  for (std::size_t i = 0; i < beams.size(); ++i)
+    if (!beams[i].origin_mm.allFinite() ||
+        !(std::abs(beams[i].direction.norm() - 1.0) < kTolerance))
+      throw InputError(source, "beam " + std::to_string(i) +
+                                   " must have a finite origin and a direction of length 1");
+}
 
 BeamGrid beam_grid(const ScanGeometry& geometry) {
   geometry.validate("geometry");

@@ -4,16 +4,16 @@
 
 #include "geometry/frame_times.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kRigidTolerance = 1e-4;
+/// Recorded poses are rounded more coarsely than a registration's result.
+constexpr double kPoseTolerance = 1e-4;
 
-std::string degrees(double angle_rad) {
-  return std::to_string(angle_rad * 180.0 / kPi) + " degrees";
-}
+std::string in_degrees(double angle_rad) { return std::to_string(degrees(angle_rad)) + " degrees"; }
 
 void require_positive(double value, const std::string& source, const std::string& field) {
   if (!std::isfinite(value) || value <= 0.0)
@@ -37,10 +37,11 @@ void require_within_right_angle(const std::vector<double>& angles_rad, double ex
   for (std::size_t i = 0; i < angles_rad.size(); ++i)
     if (std::abs(angles_rad[i]) + extra_rad >= 0.5 * kPi)
       throw InputError(
-          source, "'" + field + "' entry " + std::to_string(i) + " is " + degrees(angles_rad[i]) +
-                      (extra_rad > 0.0 ? ", with half the frame's travel of " + degrees(extra_rad)
-                                       : std::string()) +
-                      ", must be within +-90 degrees");
+          source,
+          "'" + field + "' entry " + std::to_string(i) + " is " + in_degrees(angles_rad[i]) +
+              (extra_rad > 0.0 ? ", with half the frame's travel of " + in_degrees(extra_rad)
+                               : std::string()) +
+              ", must be within +-90 degrees");
 }
 
 void validate_array(const Array& array, const std::string& source) {
@@ -72,7 +73,7 @@ void validate_motor(const MotorSweep& sweep, const ScanGeometry& geometry,
     if (H <= radius - sweep.motor_radius_mm)
       throw InputError(source, "'motor_radius_mm' is " + std::to_string(sweep.motor_radius_mm) +
                                    ", must be > " + std::to_string(radius - H) +
-                                   ": else the line at " + degrees(angle) +
+                                   ": else the line at " + in_degrees(angle) +
                                    " starts behind the motor axis");
   }
 }
@@ -81,10 +82,7 @@ void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
   if (sweep.T_us_frame.empty()) throw InputError(source, "has no frames, must have at least 1");
   for (std::size_t i = 0; i < sweep.T_us_frame.size(); ++i) {
     const Eigen::Isometry3d& T = sweep.T_us_frame[i];
-    const Eigen::Matrix3d gram = T.linear().transpose() * T.linear();
-    if (!T.matrix().allFinite() ||
-        (gram - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kRigidTolerance ||
-        T.linear().determinant() < 0.0)
+    if (!T.translation().allFinite() || !(deviation_from_rotation(T.linear()) <= kPoseTolerance))
       throw InputError(source, "'frame_poses_mm' of frame " + std::to_string(i) +
                                    " is not a rotation and a finite translation");
   }

@@ -8,11 +8,11 @@
 #include <fstream>
 
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/igsio.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/propello.h"
-#include "us_ct_registration/io/ultrasonix.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/propello.h"
+#include "us_ct_registration/io/ultrasound/ultrasonix.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {

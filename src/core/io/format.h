@@ -5,7 +5,7 @@
 #include <sstream>
 #include <string>
 
-#include "io/text.h"
+#include "text.h"
 
 /// Numbers in messages, with six significant digits and the same in any locale.
 namespace usct::io {

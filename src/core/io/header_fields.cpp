@@ -1,6 +1,6 @@
 #include "io/header_fields.h"
 
-#include "io/text.h"
+#include "text.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::io {

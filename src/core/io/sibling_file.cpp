@@ -1,6 +1,6 @@
 #include "io/sibling_file.h"
 
-#include "io/text.h"
+#include "text.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::io {

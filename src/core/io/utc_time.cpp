@@ -2,7 +2,7 @@
 
 #include <regex>
 
-#include "io/text.h"
+#include "text.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::io {

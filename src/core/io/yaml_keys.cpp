@@ -1,7 +1,7 @@
 #include "io/yaml_keys.h"
 
 #include "io/bytes.h"
-#include "io/text.h"
+#include "text.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::io {

@@ -4,6 +4,7 @@
 #include "phantom/kidney.h"
 #include "phantom/random.h"
 #include "phantom/scenes.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {
 namespace {
@@ -13,7 +14,6 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = 0.017453292519943295;
 constexpr double kWallMm = 5.0;
 
 /// A plastic box of agar; coordinates of the box: origin in the middle of the agar's surface, y

@@ -2,10 +2,11 @@
 
 #include <cmath>
 
+#include "us_ct_registration/geometry/angles.h"
+
 namespace usct::phantom {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kSpeedMmPerUs = 1.54;
 constexpr double kFwhmPerSigma = 2.3548200450309493;
 // Width of the beam of an apodised aperture at its focus, in wavelengths times f-number.

@@ -7,6 +7,7 @@
 #include "parallel.h"
 #include "phantom/check.h"
 #include "phantom/random.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct::phantom {
@@ -17,7 +18,6 @@ using Eigen::Vector3i;
 
 constexpr double kFwhmPerSigma = 2.3548200450309493;
 constexpr int kSupersampling = 3;  // per axis
-constexpr double kDegree = 0.017453292519943295;
 
 /// Patient axis (0, 1, 2) and sense of a letter of `CtOptions::axes`.
 std::pair<int, double> axis_of_letter(char letter) {

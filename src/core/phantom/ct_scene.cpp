@@ -8,6 +8,7 @@
 #include "phantom/scenes.h"
 #include "phantom/signed_distance.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
 #include "us_ct_registration/volume/sampling.h"
 
@@ -19,7 +20,6 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr double kDegree = 0.017453292519943295;
 constexpr float kAirHu = -300.0F;
 constexpr float kFatHu = -25.0F;
 constexpr float kCorticalBoneHu = 450.0F;

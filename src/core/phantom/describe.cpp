@@ -1,13 +1,12 @@
 #include <nlohmann/json.hpp>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/phantom/phantom.h"
 
 namespace usct::phantom {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDegree = 0.017453292519943295;
 
 Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "phantom/random.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {
 namespace {
@@ -34,7 +35,7 @@ struct Tables {
   std::array<float, kGauss + 1> gauss;  // exp(-u), u in [0, kReach^2 / 2]
   Tables() {
     for (int i = 0; i < kTurn; ++i) {
-      const double angle = 2.0 * 3.14159265358979323846 * (i + 0.5) / kTurn;
+      const double angle = 2.0 * kPi * (i + 0.5) / kTurn;
       cosine[static_cast<std::size_t>(i)] = static_cast<float>(std::cos(angle));
       sine[static_cast<std::size_t>(i)] = static_cast<float>(std::sin(angle));
     }

@@ -4,6 +4,7 @@
 #include "phantom/kidney.h"
 #include "phantom/random.h"
 #include "phantom/scenes.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {
 namespace {
@@ -13,7 +14,6 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = 0.017453292519943295;
 constexpr double kSkinMm = 2.0;
 constexpr double kFasciaMm = 0.7;
 constexpr double kCorticalShellMm = 1.3;

@@ -4,6 +4,7 @@
 
 #include "phantom/check.h"
 #include "phantom/random.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {
 namespace {
@@ -13,8 +14,6 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kDegree = kPi / 180.0;
 // The 4DC7-3/40 as found in public sources.
 constexpr double kMotorisedRadiusMm = 40.0;
 constexpr double kLinePitchRad = 0.010625;

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "parallel.h"
-#include "us_ct_registration/evaluation/target_errors.h"
+#include "us_ct_registration/geometry/target_errors.h"
 
 namespace usct::registration {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "us_ct_registration/similarity/simulated_lc2.h"
-#include "us_ct_registration/simulation/decimation.h"
+#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct::registration {
 namespace {

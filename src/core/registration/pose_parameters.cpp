@@ -2,9 +2,9 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "io/rigid.h"
 #include "registration/spread.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
@@ -28,7 +28,7 @@ Eigen::Vector3d rotation_vector_of(const Eigen::Matrix3d& rotation) {
 PoseParameters::PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
                                const std::vector<Eigen::Vector3d>& points_us_mm)
     : T_us_ct_initial_(T_us_ct_initial) {
-  io::require_rotation(T_us_ct_initial.linear(), "initial pose", "rotation");
+  require_rotation(T_us_ct_initial.linear(), "initial pose", "rotation");
   if (!T_us_ct_initial.translation().allFinite())
     throw InputError("initial pose", "'translation' is not finite");
   const registration::Spread spread =

@@ -6,8 +6,8 @@
 #include "registration/confidence.h"
 #include "registration/level.h"
 #include "registration/search.h"
-#include "simulation/require_images.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
@@ -369,8 +369,8 @@ RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const C
                                        const RegistrationHooks& hooks) {
   ultrasound.validate();
   options.validate();
-  require_beams(ultrasound.beams);
-  require_ct(ct);
+  ultrasound.beams.validate();
+  ct.validate("CT");
   if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial, "T_us_ct_initial");
   return Registration(ultrasound, ct, T_us_ct_initial, options, hooks).run();
 }

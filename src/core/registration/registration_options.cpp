@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "simulation/require.h"
+#include "require.h"
 
 namespace usct {
 namespace {

@@ -6,11 +6,10 @@
 #include <sstream>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// The next point of the sequence, in [0, 1)^6.
 PoseVector next_point(boost::random::sobol& sequence) {

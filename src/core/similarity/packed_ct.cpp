@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "parallel.h"
-#include "simulation/require.h"
+#include "require.h"
 
 namespace usct {
 namespace {

@@ -7,9 +7,9 @@
 #include <numeric>
 
 #include "parallel.h"
+#include "require.h"
 #include "similarity/histogram_similarity.h"
 #include "similarity/patch_kernel.h"
-#include "simulation/require.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {

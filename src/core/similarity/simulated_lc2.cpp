@@ -5,8 +5,9 @@
 #include <array>
 #include <cmath>
 
+#include "require.h"
 #include "similarity/simulated_lc2_kernel.h"
-#include "simulation/require_images.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
@@ -217,7 +218,7 @@ class SimulatedLc2 final : public Similarity {
 
   SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
                            const AcquisitionErrors& errors) const override {
-    require_rigid(T_ct_us);
+    require_rigid(T_ct_us, "T_ct_us");
     require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
             errors.depth, "finite and > -1");
     require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
@@ -291,9 +292,9 @@ std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultra
                                                      const CtVolume& ct,
                                                      const SimulationOptions& simulation,
                                                      const FitOptions& fit) {
-  require_beams(ultrasound.beams);
+  ultrasound.beams.validate();
   ultrasound.validate();
-  require_ct(ct);
+  ct.validate("CT");
   require(ct.voxels.size() <= kMostVoxels, "CT", "voxels", static_cast<double>(ct.voxels.size()),
           "<= 2^30");
   simulation.validate();

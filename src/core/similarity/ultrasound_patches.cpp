@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "parallel.h"
-#include "simulation/require.h"
+#include "require.h"
 
 namespace usct {
 namespace {

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "parallel.h"
-#include "simulation/require.h"
+#include "require.h"
 #include "us_ct_registration/simulation/simulation.h"
 
 namespace usct {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "parallel.h"
-#include "simulation/require.h"
-#include "simulation/require_images.h"
+#include "require.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
@@ -212,9 +212,9 @@ SimulatedComponents simulate_components(const BeamGrid& beams, const CtVolume& c
                                         const Eigen::Isometry3d& T_ct_us,
                                         const SimulationOptions& options,
                                         const Progress& progress) {
-  require_beams(beams);
-  require_ct(ct);
-  require_rigid(T_ct_us);
+  beams.validate();
+  ct.validate("CT");
+  require_rigid(T_ct_us, "T_ct_us");
   options.validate();
   SimulatedComponents result = empty_components(beams);
   const BeamSimulator simulator(beams, ct, T_ct_us, options, result);

@@ -9,9 +9,9 @@
 #include "tools/program.h"
 #include "tools/ultrasound_options.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::tools {
 namespace {

@@ -6,14 +6,13 @@
 #include "core/io/expect_input_error.h"
 #include "core/registration/random_points.h"
 #include "us_ct_registration/evaluation/perturbation.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::test {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-constexpr double kPi = 3.14159265358979323846;
 
 double moved_mm(const Isometry3d& motion, const std::vector<Vector3d>& points) {
   double sum = 0.0;

@@ -11,11 +11,11 @@
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
 #include "us_ct_registration/evaluation/study_report.h"
-#include "us_ct_registration/geometry/scan_conversion.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
+#include "us_ct_registration/ultrasound/scan_conversion.h"
 
 namespace usct::test {
 namespace {

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/grid.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
-#include "us_ct_registration/volume/grid.h"
 
 /// Random but valid geometry for property tests.
 namespace usct::test {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kDegree = kPi / 180.0;
 
 /// An integer in [low, high), from the whole range in every run (rapidcheck starts small).

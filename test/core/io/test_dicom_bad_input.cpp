@@ -13,7 +13,7 @@
 #include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
-#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 
 namespace usct {
 namespace {

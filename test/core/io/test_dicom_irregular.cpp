@@ -4,7 +4,7 @@
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
-#include "us_ct_registration/io/dicom.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 
 namespace usct {
 namespace {

@@ -7,8 +7,8 @@
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
-#include "us_ct_registration/io/dicom.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "core/io/expect_input_error.h"
 #include "test_data.h"
-#include "us_ct_registration/io/dicom.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {

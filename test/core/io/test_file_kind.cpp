@@ -5,13 +5,13 @@
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/io/file_kind.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/propello.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/ultrasonix.h"
-#include "us_ct_registration/io/ultrasound_source.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/propello.h"
+#include "us_ct_registration/io/ultrasound/ultrasonix.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::test {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/io/bad_files.h"
 #include "test_data.h"
-#include "us_ct_registration/io/igsio.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
 
 namespace usct {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/points_io.h"
+#include "us_ct_registration/io/results/points_io.h"
 
 namespace usct {
 namespace {

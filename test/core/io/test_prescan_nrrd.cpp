@@ -6,7 +6,8 @@
 #include <cmath>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct {
 namespace {
@@ -14,8 +15,6 @@ namespace {
 using test::expect_input_error;
 using test::spit;
 using test::TemporaryFolder;
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// A file as a user would write it by hand: 3 samples x 2 lines x 2 frames.
 const std::string kSizes =

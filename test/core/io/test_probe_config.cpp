@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/probe_config.h"
+#include "us_ct_registration/io/ultrasound/probe_config.h"
 
 namespace usct {
 namespace {

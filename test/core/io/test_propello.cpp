@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/propello.h"
+#include "us_ct_registration/io/ultrasound/propello.h"
 
 namespace usct {
 namespace {

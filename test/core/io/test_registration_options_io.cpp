@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {
 namespace {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/result_io.h"
+#include "us_ct_registration/io/results/result_io.h"
 
 namespace usct {
 namespace {

@@ -7,7 +7,7 @@
 #include <future>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct {
 namespace {

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/ultrasonix.h"
+#include "us_ct_registration/io/ultrasound/ultrasonix.h"
 
 namespace usct {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
-#include "us_ct_registration/io/igsio.h"
-#include "us_ct_registration/io/ultrasound_source.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::test {

@@ -12,7 +12,7 @@
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
 #include "test_data.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/io/bad_files.h"
-#include "us_ct_registration/io/wire_distances.h"
+#include "us_ct_registration/io/ultrasound/wire_distances.h"
 
 namespace usct {
 namespace {

@@ -6,10 +6,10 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/tools/run_usct.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/phantom/phantom_files.h"
 
 namespace usct::phantom::test {

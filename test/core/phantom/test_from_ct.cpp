@@ -6,7 +6,7 @@
 #include "phantom/scenes.h"
 #include "phantom/signed_distance.h"
 #include "test_data.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/phantom/phantom.h"
 
 namespace usct::phantom::test {

@@ -5,11 +5,11 @@
 #include <variant>
 #include <vector>
 
-#include "us_ct_registration/evaluation/target_errors.h"
-#include "us_ct_registration/io/registration_options_io.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/phantom/phantom.h"
 #include "us_ct_registration/registration/registration.h"
-#include "us_ct_registration/simulation/ultrasound_beams.h"
+#include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 namespace usct::test {
 

@@ -2,7 +2,7 @@
 
 #include "core/registration/registration_cases.h"
 #include "registration/level.h"
-#include "us_ct_registration/simulation/decimation.h"
+#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct::test {
 namespace {

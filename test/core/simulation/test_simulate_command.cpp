@@ -7,9 +7,9 @@
 #include "core/tools/run_usct.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/geometry/monotonic_table.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::test {

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "core/tools/run_usct.h"
-#include "us_ct_registration/io/probe_config.h"
+#include "us_ct_registration/io/ultrasound/probe_config.h"
 
 namespace usct {
 namespace {

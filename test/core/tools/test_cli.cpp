@@ -7,12 +7,12 @@
 #include "core/tools/run_usct.h"
 #include "test_data.h"
 #include "us_ct_registration/geometry/beam_grid.h"
-#include "us_ct_registration/io/igsio.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::test {

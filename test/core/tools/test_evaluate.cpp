@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "core/tools/run_usct.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct::test {
 namespace {

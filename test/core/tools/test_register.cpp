@@ -4,13 +4,13 @@
 #include <optional>
 
 #include "core/tools/run_usct.h"
-#include "us_ct_registration/evaluation/target_errors.h"
-#include "us_ct_registration/io/points_io.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
-#include "us_ct_registration/io/registration_options_io.h"
-#include "us_ct_registration/io/result_io.h"
-#include "us_ct_registration/io/transform_io.h"
-#include "us_ct_registration/io/volume_io.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/options/registration_options_io.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct::test {
 namespace {

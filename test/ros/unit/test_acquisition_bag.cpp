@@ -14,7 +14,7 @@
 #include "ros/acquisition_bag.h"
 #include "ros/conversions.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -8,7 +8,7 @@
 #include "ros/ultrasound_file.h"
 #include "ros/watched_folder.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/prescan_nrrd.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <variant>
+
+#include "us_ct_registration/progress.h"
+#include "us_ct_registration/ultrasound/compounding.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/ultrasound/scan_conversion.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct {
+
+/// Pre-scan beams; B-mode images whose beams are not known; or a Cartesian volume.
+using Ultrasound = std::variant<PreScanVolume, TrackedImages, UsVolume>;
+
+/// The ultrasound on a Cartesian grid of isotropic `spacing_mm` in the US frame: scan-converted or
+/// compounded; a Cartesian volume as it is, known everywhere.
+ScanConverted in_space(const Ultrasound& ultrasound, double spacing_mm,
+                       const CompoundOptions& options, const Progress& progress = {});
+
+}  // namespace usct

@@ -1,0 +1,97 @@
+#include "us_ct_registration/geometry/target_errors.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+void require_points(const std::vector<Eigen::Vector3d>& points_mm) {
+  if (points_mm.empty()) throw InputError("targets", "there are 0, must be at least 1");
+  for (std::size_t i = 0; i < points_mm.size(); ++i)
+    if (!points_mm[i].allFinite())
+      throw InputError("targets", "point " + std::to_string(i) + " is not finite");
+}
+
+/// Scaled to a diagonal of ones, since rad^2 and mm^2 have no common size.
+void require_covariance(const Matrix6d& covariance, const std::string& source) {
+  constexpr double kTolerance = 1e-6;
+  const auto fail = [&](const char* violation) {
+    throw InputError(source, std::string("'covariance' ") + violation);
+  };
+  if (!covariance.allFinite()) fail("must be finite");
+  if ((covariance.diagonal().array() < 0.0).any())
+    fail("has a negative variance, must be positive semidefinite");
+  const Eigen::Matrix<double, 6, 1> scale = covariance.diagonal().unaryExpr(
+      [](double variance) { return variance > 0.0 ? 1.0 / std::sqrt(variance) : 1.0; });
+  const Matrix6d correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  if (!((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kTolerance))
+    fail("must be symmetric");
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(correlation, Eigen::EigenvaluesOnly);
+  if (!(solver.eigenvalues().minCoeff() >= -kTolerance)) fail("must be positive semidefinite");
+}
+
+double root_mean_square(const std::vector<double>& squares) {
+  double sum = 0.0;
+  for (const double square : squares) sum += square;
+  return std::sqrt(sum / static_cast<double>(squares.size()));
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& p) {
+  Eigen::Matrix3d cross;
+  cross << 0.0, -p.z(), p.y(), p.z(), 0.0, -p.x(), -p.y(), p.x(), 0.0;
+  return cross;
+}
+
+}  // namespace
+
+TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
+                              const Eigen::Isometry3d& T_us_ct_true,
+                              const std::vector<Eigen::Vector3d>& points_us_mm) {
+  require_points(points_us_mm);
+  if (!T_us_ct.matrix().allFinite() || !T_us_ct_true.matrix().allFinite())
+    throw InputError("T_us_ct", "must be finite");
+  const Eigen::Isometry3d T_error = T_us_ct * T_us_ct_true.inverse();
+  TargetErrors errors;
+  std::vector<double> squares;
+  for (const Eigen::Vector3d& p_us : points_us_mm) {
+    const double error_mm = (T_error * p_us - p_us).norm();
+    errors.per_target_mm.push_back(error_mm);
+    squares.push_back(error_mm * error_mm);
+    errors.mean_mm += error_mm / static_cast<double>(points_us_mm.size());
+    errors.max_mm = std::max(errors.max_mm, error_mm);
+  }
+  errors.rms_mm = root_mean_square(squares);
+  errors.median_mm = median(errors.per_target_mm);
+  return errors;
+}
+
+ExpectedTargetErrors expected_tre_mm(const Matrix6d& covariance,
+                                     const std::vector<Eigen::Vector3d>& points_us_mm,
+                                     const std::string& source) {
+  require_points(points_us_mm);
+  require_covariance(covariance, source);
+  std::vector<double> squares;
+  for (const Eigen::Vector3d& p_us : points_us_mm) {
+    Eigen::Matrix<double, 3, 6> J;
+    J << -cross_matrix(p_us), Eigen::Matrix3d::Identity();
+    // A singular covariance may come out a rounding below zero.
+    squares.push_back(std::max(0.0, (J * covariance * J.transpose()).trace()));
+  }
+  return {root_mean_square(squares), std::sqrt(*std::max_element(squares.begin(), squares.end()))};
+}
+
+}  // namespace usct

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/dicom/dicom_dataset.h"
+#include "io/dicom/slice_stack.h"
+
+/// One DICOM file: what its header says, and its pixels.
+namespace usct::io {
+
+/// One image, or one frame of a multi-frame image.
+struct DicomFrame {
+  SlicePose pose;
+  double slope = 1.0;
+  double intercept = 0.0;
+  bool localizer = false;
+  std::optional<int> acquisition_number;
+};
+
+/// The images in a CT file.
+struct DicomImages {
+  int columns = 0;
+  int rows = 0;
+  int bits_allocated = 0;
+  int bits_stored = 0;
+  bool is_signed = false;
+  bool big_endian = false;
+  /// Stored values from first to second are padding.
+  std::optional<std::pair<long, long>> padding;
+  std::vector<DicomFrame> frames;
+  DicomPixelData pixels;
+  /// Not fatal: named in the result's warnings.
+  std::vector<std::string> warnings;
+
+  std::size_t frame_pixels() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
+};
+
+enum class DicomKind {
+  kCtImage,
+  /// Of modality CT but no image of it: a report, a dose sheet, a screen capture.
+  kOtherCt,
+  kOtherModality,
+  /// The index of a medium.
+  kDirectory
+};
+
+struct DicomFile {
+  std::filesystem::path path;
+  DicomKind kind = DicomKind::kOtherModality;
+  std::string series_uid;
+  std::string modality;
+  std::string frame_of_reference_uid;
+  std::string transfer_syntax_uid;
+  std::optional<int> series_number;
+  /// For kCtImage; empty frames if `problem` is not empty.
+  DicomImages images;
+  /// Why the images cannot be read: "'Rows' is 0, must be > 0".
+  std::string problem;
+};
+
+/// Nothing if the file is not DICOM. Throws InputError if it cannot be opened, or claims to be
+/// DICOM (by its content or its extension) and cannot be parsed.
+std::optional<DicomFile> read_dicom_header(const std::filesystem::path& path);
+
+/// Hounsfield units of one frame, columns fastest. Throws InputError, naming the file, if the
+/// pixels are cut short, damaged, of a compression that is not known, or outside int16.
+std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file, std::size_t frame);
+
+}  // namespace usct::io

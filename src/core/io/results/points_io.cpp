@@ -1,0 +1,46 @@
+#include "us_ct_registration/io/results/points_io.h"
+
+#include <string_view>
+
+#include "io/bytes.h"
+#include "text.h"
+#include "us_ct_registration/error.h"
+
+namespace usct {
+
+std::vector<Eigen::Vector3d> read_points_mm(const std::filesystem::path& path) {
+  const std::string source = path.string();
+  const io::Bytes bytes = io::read_bytes(path);
+  const std::vector<std::string_view> lines =
+      split({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, '\n');
+  if (trimmed(lines[0]) != "x,y,z")
+    throw InputError(source, "line 1 is " + in_quotes(trimmed(lines[0])) + ", must be 'x,y,z'");
+  std::vector<Eigen::Vector3d> points_mm;
+  for (std::size_t i = 1; i < lines.size(); ++i) {
+    const std::string_view line = trimmed(lines[i]);
+    if (line.empty()) continue;
+    const std::string where = "line " + std::to_string(i + 1);
+    const std::vector<std::string_view> fields = split(line, ',');
+    if (fields.size() != 3)
+      throw InputError(
+          source, where + " has " + std::to_string(fields.size()) + " fields, must have 3 (x,y,z)");
+    points_mm.emplace_back(parse_double(fields[0], source, where + " x"),
+                           parse_double(fields[1], source, where + " y"),
+                           parse_double(fields[2], source, where + " z"));
+  }
+  if (points_mm.empty()) throw InputError(source, "has no points");
+  return points_mm;
+}
+
+void write_points_mm(const std::vector<Eigen::Vector3d>& points_mm,
+                     const std::filesystem::path& path) {
+  if (points_mm.empty()) throw InputError(path.string(), "no points to write");
+  std::string text = "x,y,z\n";
+  for (const Eigen::Vector3d& p : points_mm) {
+    if (!p.allFinite()) throw InputError(path.string(), "a point to write is not finite");
+    text += format_double(p.x()) + "," + format_double(p.y()) + "," + format_double(p.z()) + "\n";
+  }
+  io::write_text(path, text);
+}
+
+}  // namespace usct

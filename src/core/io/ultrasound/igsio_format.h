@@ -1,0 +1,25 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "io/bytes.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+
+/// The format of igsio.h in memory, without files (and therefore open to fuzzing).
+namespace usct::io {
+
+/// Gives the bytes of a detached data file of this name.
+using ReadDetached = std::function<Bytes(const std::string& name)>;
+
+IgsioSequence parse_igsio(Bytes bytes, const std::string& source,
+                          const ReadDetached& read_detached);
+
+Bytes format_igsio(const IgsioSequence& sequence, bool compressed, const std::string& source);
+
+/// 16 numbers, row by row. Throws InputError, naming `field`, unless they are finite and the last
+/// row is 0 0 0 1.
+Eigen::Affine3d parse_affine(std::string_view text, const std::string& source,
+                             const std::string& field);
+
+}  // namespace usct::io

@@ -1,0 +1,97 @@
+#include <deque>
+#include <set>
+#include <string_view>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+
+namespace usct {
+namespace {
+
+/// A step from one coordinate frame to the next.
+struct Link {
+  std::string name;  // as in the file
+  std::string from;
+  std::string to;
+  Eigen::Affine3d T_to_from;
+  bool valid;
+};
+
+/// "ProbeToTracker" links Probe and Tracker, both ways. A name with several "To" followed by a
+/// capital ("ToolToToTable") is taken at each of them: a wrong split leads to frames that do not
+/// exist.
+void add_links(const std::string& name, const IgsioTransform& transform, std::vector<Link>& links) {
+  for (std::size_t at = name.find("To", 1); at != std::string::npos; at = name.find("To", at + 1)) {
+    const std::string from = name.substr(0, at);
+    const std::string to = name.substr(at + 2);
+    const bool starts_a_word = !to.empty() && (to[0] < 'a' || to[0] > 'z');
+    if (!starts_a_word) continue;
+    // A singular matrix still leads forwards.
+    const bool invertible = transform.T.linear().determinant() != 0.0;
+    links.push_back({name, from, to, transform.T, transform.valid()});
+    if (invertible) links.push_back({name, to, from, transform.T.inverse(), transform.valid()});
+  }
+}
+
+/// The fewest links from one frame to another; empty if there are none. `reached` gets every frame
+/// that was met.
+std::vector<const Link*> shortest_path(const std::vector<Link>& links, const std::string& from,
+                                       const std::string& to, bool only_valid,
+                                       std::set<std::string>& reached) {
+  std::map<std::string, const Link*> arrived_by;
+  std::deque<std::string> queue = {from};
+  reached.insert(from);
+  while (!queue.empty() && reached.count(to) == 0) {
+    const std::string here = queue.front();
+    queue.pop_front();
+    for (const Link& link : links)
+      if (link.from == here && (link.valid || !only_valid) && reached.insert(link.to).second) {
+        arrived_by[link.to] = &link;
+        queue.push_back(link.to);
+      }
+  }
+  std::vector<const Link*> path;
+  if (reached.count(to) != 0)
+    for (std::string here = to; here != from; here = arrived_by.at(here)->from)
+      path.insert(path.begin(), arrived_by.at(here));
+  return path;
+}
+
+[[noreturn]] void fail(const std::vector<Link>& links, const IgsioTransforms& transforms,
+                       const std::string& from, const std::string& to, const std::string& source,
+                       const std::set<std::string>& reached_by_valid) {
+  const std::string wanted = "transform from '" + from + "' to '" + to + "': ";
+  std::set<std::string> reached;
+  std::string invalid;
+  for (const Link* link : shortest_path(links, from, to, false, reached))
+    if (!link->valid) {
+      const std::string& status = transforms.at(link->name).status;
+      invalid += (invalid.empty() ? "" : ", ") + link->name + " is " +
+                 (status.empty() ? "without status" : status);
+    }
+  if (!invalid.empty()) throw InputError(source, wanted + invalid);
+  std::string known;
+  for (const std::string& name : reached_by_valid)
+    if (name != from) known += (known.empty() ? "" : ", ") + name;
+  throw InputError(source, wanted + "no chain of transforms; '" + from + "' connects to " +
+                               (known.empty() ? "nothing" : known));
+}
+
+}  // namespace
+
+Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& calibration,
+                                const std::string& from, const std::string& to,
+                                const std::string& source) {
+  IgsioTransforms transforms = calibration;
+  transforms.insert(frame.transforms.begin(), frame.transforms.end());
+  std::vector<Link> links;
+  for (const auto& [name, transform] : transforms) add_links(name, transform, links);
+  std::set<std::string> reached;
+  const std::vector<const Link*> path = shortest_path(links, from, to, true, reached);
+  if (path.empty() && from != to) fail(links, transforms, from, to, source, reached);
+  Eigen::Affine3d T = Eigen::Affine3d::Identity();
+  for (const Link* link : path) T = link->T_to_from * T;
+  return T;
+}
+
+}  // namespace usct

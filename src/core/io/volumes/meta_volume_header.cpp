@@ -1,0 +1,162 @@
+// MetaImage, as ITK's MetaIO writes and reads it.
+#include <map>
+
+#include "io/bytes.h"
+#include "io/format.h"
+#include "io/header_fields.h"
+#include "io/volumes/volume_header.h"
+#include "text.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kLongestHeader = std::size_t{1} << 20;
+constexpr double kUnitTolerance = 1e-3;
+
+const std::map<std::string, Component>& component_names() {
+  static const std::map<std::string, Component> names = {
+      {"MET_CHAR", Component::kInt8},       {"MET_UCHAR", Component::kUint8},
+      {"MET_SHORT", Component::kInt16},     {"MET_USHORT", Component::kUint16},
+      {"MET_INT", Component::kInt32},       {"MET_UINT", Component::kUint32},
+      {"MET_LONG_LONG", Component::kInt64}, {"MET_ULONG_LONG", Component::kUint64},
+      {"MET_FLOAT", Component::kFloat32},   {"MET_DOUBLE", Component::kFloat64}};
+  return names;
+}
+
+struct MetaText {
+  HeaderFields fields;
+  /// First byte after the line of ElementDataFile, which ends the header.
+  std::size_t data_begin;
+};
+
+MetaText read_text(const fs::path& path) {
+  const Bytes bytes = read_prefix(path, kLongestHeader);
+  const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  MetaText result{HeaderFields(path.string()), 0};
+  while (!result.fields.find("ElementDataFile")) {
+    const std::size_t begin = result.data_begin;
+    const std::size_t end = std::min(all.find('\n', begin), all.size());
+    const std::string_view line = trimmed(all.substr(begin, end - begin));
+    const std::size_t equals = line.find('=');
+    if (equals == std::string_view::npos && !line.empty())
+      throw InputError(path.string(),
+                       "header line " + in_quotes(line) + " must be 'Field = value'");
+    if (!line.empty()) result.fields.add(line.substr(0, equals), line.substr(equals + 1));
+    result.data_begin = std::min(end + 1, all.size());
+    if (end == all.size()) break;
+  }
+  result.fields.require("ElementDataFile");
+  return result;
+}
+
+/// The spelling that is there of those that MetaIO knows; the first if there is none.
+std::string spelling(const HeaderFields& fields, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (fields.find(name)) return name;
+  return *names.begin();
+}
+
+bool is_true(const HeaderFields& fields, const std::string& field) {
+  const std::string& value = fields.require(field);
+  if (value == "True" || value == "true" || value == "1") return true;
+  if (value == "False" || value == "false" || value == "0") return false;
+  fields.refuse(field, "True or False");
+}
+
+/// Fields that a reader of plain volumes may not pass over.
+void check_is_plain_volume(const HeaderFields& fields) {
+  const auto must_be = [&](const std::string& field, const std::string& value, bool required) {
+    if (required || fields.find(field))
+      if (fields.require(field) != value) fields.refuse(field, value);
+  };
+  must_be("ObjectType", "Image", true);
+  must_be("NDims", "3", true);
+  must_be("ElementNumberOfChannels", "1", false);
+  must_be("DistanceUnits", "mm", false);
+  must_be("ElementToIntensityFunctionSlope", "1", false);
+  must_be("ElementToIntensityFunctionOffset", "0", false);
+  if (fields.find("BinaryData") && !is_true(fields, "BinaryData"))
+    fields.refuse("BinaryData", "True");
+}
+
+Grid read_grid(const HeaderFields& fields) {
+  const std::string matrix_field = spelling(fields, {"TransformMatrix", "Orientation", "Rotation"});
+  const std::string origin_field = spelling(fields, {"Offset", "Position", "Origin"});
+  const std::vector<int> sizes = fields.require_ints("DimSize", 3);
+  const std::vector<double> matrix = fields.require_doubles(matrix_field, 9);
+  const std::vector<double> origin = fields.require_doubles(origin_field, 3);
+  const std::vector<double> spacing = fields.require_doubles("ElementSpacing", 3);
+  // Three numbers per index axis: its direction in LPS.
+  const Eigen::Matrix3d direction = Eigen::Map<const Eigen::Matrix3d>(matrix.data());
+  const Eigen::Vector3d spacing_mm = Eigen::Map<const Eigen::Vector3d>(spacing.data());
+  if ((spacing_mm.array() <= 0.0).any()) fields.refuse("ElementSpacing", "> 0");
+  if (((direction.colwise().norm().array() - 1.0).abs() > kUnitTolerance).any())
+    fields.refuse(matrix_field, "unit vectors");
+  return grid_from_axes(fields.source(), matrix_field, {sizes[0], sizes[1], sizes[2]},
+                        direction.colwise().normalized() * spacing_mm.asDiagonal(),
+                        Eigen::Map<const Eigen::Vector3d>(origin.data()));
+}
+
+Component read_component(const HeaderFields& fields) {
+  const auto found = component_names().find(fields.require("ElementType"));
+  if (found == component_names().end())
+    fields.refuse("ElementType", "MET_CHAR to MET_ULONG_LONG, MET_FLOAT or MET_DOUBLE");
+  return found->second;
+}
+
+void locate_data(const fs::path& path, const MetaText& text, VolumeHeader& header) {
+  const HeaderFields& fields = text.fields;
+  const std::string& name = fields.require("ElementDataFile");
+  const bool local = name == "LOCAL" || name == "Local" || name == "local";
+  if (name == "LIST" || name.find('%') != std::string::npos || name.empty())
+    fields.refuse("ElementDataFile", "LOCAL or the name of one file");
+  header.data_file = local ? path : path.parent_path() / name;
+  header.begin = local ? text.data_begin : 0;
+  if (!fields.find("HeaderSize")) return;
+  const int header_size = fields.require_ints("HeaderSize", 1)[0];
+  if (header_size < -1 || (header_size > 0 && local)) fields.refuse("HeaderSize", ">= -1");
+  if (header_size > 0) header.begin = static_cast<std::uintmax_t>(header_size);
+  if (header_size == -1) {  // the voxels are the end of the file
+    const std::uintmax_t bytes = data_file_bytes(path.string(), header.data_file);
+    if (bytes >= header.voxel_bytes()) header.begin = bytes - header.voxel_bytes();
+  }
+}
+
+}  // namespace
+
+VolumeHeader read_meta_header(const fs::path& path) {
+  const MetaText text = read_text(path);
+  const HeaderFields& fields = text.fields;
+  check_is_plain_volume(fields);
+  VolumeHeader header;
+  header.format = "MetaImage";
+  header.grid = read_grid(fields);
+  header.component = read_component(fields);
+  if (bytes_of(header.component) > 1)
+    header.big_endian =
+        is_true(fields, spelling(fields, {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}));
+  if (fields.find("CompressedData") && is_true(fields, "CompressedData"))
+    header.encoding = Encoding::kZlib;
+  locate_data(path, text, header);
+  check_data_size(path.string(), "DimSize", header);
+  return header;
+}
+
+Bytes meta_header(const Grid& grid, Component component, const std::string& data_file) {
+  std::string type;
+  for (const auto& [name, known] : component_names())
+    if (known == component) type = name;
+  const std::string header =
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+      "CompressedData = False\nTransformMatrix = " +
+      format_exactly(grid.direction) + "\nOffset = " + format_exactly(grid.origin_mm) +
+      "\nCenterOfRotation = 0 0 0\nElementSpacing = " + format_exactly(grid.spacing_mm) +
+      "\nDimSize = " + format_exactly(grid.size) + "\nElementType = " + type +
+      "\nElementDataFile = " + data_file + "\n";
+  return {header.begin(), header.end()};
+}
+
+}  // namespace usct::io

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "io/bytes.h"
+#include "us_ct_registration/geometry/grid.h"
+
+namespace usct::io {
+
+enum class Component {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat32,
+  kFloat64
+};
+
+/// "int8" and so on.
+const char* name_of(Component component);
+std::size_t bytes_of(Component component);
+
+enum class Encoding { kRaw, kZlib, kGzip };
+
+/// What a volume's header says, whatever its format, and where its voxels are.
+struct VolumeHeader {
+  std::string format;
+  Grid grid;
+  Component component = Component::kUint8;
+  bool big_endian = false;
+  /// A voxel is worth stored * scale + offset.
+  double scale = 1.0;
+  double offset = 0.0;
+  std::vector<std::string> warnings;
+
+  std::filesystem::path data_file;
+  Encoding encoding = Encoding::kRaw;
+  /// First byte in data_file of the voxels, or of the compressed stream that holds them.
+  std::uintmax_t begin = 0;
+  /// Bytes of the decompressed stream before the first voxel.
+  std::uintmax_t skip = 0;
+
+  /// Of the voxels as stored, uncompressed.
+  std::uintmax_t voxel_bytes() const {
+    return static_cast<std::uintmax_t>(grid.voxel_count()) * bytes_of(component);
+  }
+};
+
+/// Each reads one format's header and checks all that can be checked without the voxels, that the
+/// voxels can be in the data file included. Throw InputError.
+VolumeHeader read_nrrd_header(const std::filesystem::path& path);
+VolumeHeader read_meta_header(const std::filesystem::path& path);
+VolumeHeader read_nifti_header(const std::filesystem::path& path);
+
+/// The header before the voxels (little-endian, not compressed), as each format has it.
+/// `data_file` of MetaImage is LOCAL where the voxels follow.
+Bytes nrrd_header(const Grid& grid, Component component);
+Bytes meta_header(const Grid& grid, Component component, const std::string& data_file);
+/// Throws InputError, naming `source`, for more voxels along an axis than NIfTI can state.
+Bytes nifti_header(const std::string& source, const Grid& grid, Component component);
+
+/// A grid whose index axes step by the columns of `axes_mm`. Throws InputError, naming `source` and
+/// `field`, if a size is < 1, or an axis is not finite, of no length, or not perpendicular to the
+/// others.
+Grid grid_from_axes(const std::string& source, const std::string& field,
+                    const Eigen::Vector3i& size, const Eigen::Matrix3d& axes_mm,
+                    const Eigen::Vector3d& origin_mm);
+
+/// Size of the file that holds the voxels. Throws InputError, naming `source` (the header) and the
+/// file, if it is missing, cannot be read, or is empty.
+std::uintmax_t data_file_bytes(const std::string& source, const std::filesystem::path& data_file);
+
+/// Throws InputError unless the voxels that the header announces can be in the data file: exactly
+/// so if raw, within what deflate can reach if compressed. `field` is where the size is stated.
+void check_data_size(const std::string& source, const std::string& field,
+                     const VolumeHeader& header);
+
+}  // namespace usct::io

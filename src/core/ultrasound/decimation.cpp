@@ -1,0 +1,115 @@
+#include "us_ct_registration/ultrasound/decimation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel.h"
+#include "require.h"
+
+namespace usct {
+namespace {
+
+/// The beam in the middle of a block.
+Beam mean_beam(const BeamGrid& beams, int first_frame, int first_line,
+               const Eigen::Vector3i& factors) {
+  Beam mean{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  for (int f = 0; f < factors.z(); ++f)
+    for (int l = 0; l < factors.y(); ++l) {
+      const Beam& beam = beams.beam(first_frame + f, first_line + l);
+      mean.origin_mm += beam.origin_mm;
+      mean.direction += beam.direction;
+    }
+  mean.origin_mm /= static_cast<double>(factors.y()) * factors.z();
+  mean.direction.normalize();
+  return mean;
+}
+
+/// Sums one recorded line into the blocks along it.
+void add_line(const BeamUltrasound& in, std::size_t start, int factor, std::vector<float>& sum,
+              std::vector<int>& count) {
+  const float* values = in.brightness.data() + start;
+  const std::uint8_t* known = in.known.empty() ? nullptr : in.known.data() + start;
+  std::size_t i = 0;
+  for (std::size_t block = 0; block < sum.size(); ++block)
+    for (int s = 0; s < factor; ++s, ++i)
+      if (known == nullptr || known[i] != 0) {
+        sum[block] += values[i];
+        ++count[block];
+      }
+}
+
+int blocks_of(double step_mm, double spacing_mm, int available) {
+  if (!(step_mm > 0.0)) return 1;
+  const double factor = std::round(spacing_mm / step_mm);
+  return static_cast<int>(std::clamp(factor, 1.0, std::max(1.0, std::floor(available / 2.0))));
+}
+
+/// Mean distance of neighbouring points.
+template <typename PointAt>
+double mean_step_mm(int count, const PointAt& point_at) {
+  if (count < 2) return 0.0;
+  double path_mm = 0.0;
+  for (int i = 1; i < count; ++i) path_mm += (point_at(i) - point_at(i - 1)).norm();
+  return path_mm / (count - 1);
+}
+
+}  // namespace
+
+BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors) {
+  const BeamGrid& from = in.beams;
+  const Eigen::Vector3i size(from.samples(), from.lines, from.frames);
+  for (int axis = 0; axis < 3; ++axis)
+    require(factors[axis] >= 1 && factors[axis] <= size[axis], "decimation", "factor",
+            factors[axis], "within [1, " + std::to_string(size[axis]) + "]");
+  if (factors == Eigen::Vector3i::Ones()) return in;
+
+  BeamUltrasound out;
+  out.beams.axial = {from.samples() / factors.x(), from.axial.depth_mm(0.5 * (factors.x() - 1)),
+                     from.axial.spacing_mm * factors.x()};
+  out.beams.lines = from.lines / factors.y();
+  out.beams.frames = from.frames / factors.z();
+  for (int f = 0; f < out.beams.frames; ++f)
+    for (int l = 0; l < out.beams.lines; ++l)
+      out.beams.beams.push_back(mean_beam(from, f * factors.z(), l * factors.y(), factors));
+
+  const auto samples = static_cast<std::size_t>(out.beams.samples());
+  out.brightness.resize(out.beams.beams.size() * samples);
+  out.known.resize(out.brightness.size());
+  parallel_for_alike(out.beams.frames, [&](int f) {
+    for (int l = 0; l < out.beams.lines; ++l) {
+      std::vector<float> sum(samples);
+      std::vector<int> count(samples);
+      for (int df = 0; df < factors.z(); ++df)
+        for (int dl = 0; dl < factors.y(); ++dl) {
+          const auto beam = static_cast<std::size_t>(f * factors.z() + df) *
+                                static_cast<std::size_t>(from.lines) +
+                            static_cast<std::size_t>(l * factors.y() + dl);
+          add_line(in, beam * static_cast<std::size_t>(from.samples()), factors.x(), sum, count);
+        }
+      const std::size_t start =
+          (static_cast<std::size_t>(f) * static_cast<std::size_t>(out.beams.lines) +
+           static_cast<std::size_t>(l)) *
+          samples;
+      for (std::size_t s = 0; s < samples; ++s) {
+        const bool known = 2 * count[s] >= factors.prod();
+        out.known[start + s] = known ? 1 : 0;
+        out.brightness[start + s] = known ? sum[s] / static_cast<float>(count[s]) : 0.0F;
+      }
+    }
+  });
+  return out;
+}
+
+Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm) {
+  require(is_positive(spacing_mm), "decimation", "spacing_mm", spacing_mm, "finite and > 0");
+  const double middle = 0.5 * (beams.samples() - 1);
+  const double line_mm = mean_step_mm(
+      beams.lines, [&](int line) { return beams.point(beams.frames / 2, line, middle); });
+  const double frame_mm = mean_step_mm(
+      beams.frames, [&](int frame) { return beams.point(frame, beams.lines / 2, middle); });
+  return {blocks_of(beams.axial.spacing_mm, spacing_mm, beams.samples()),
+          blocks_of(line_mm, spacing_mm, beams.lines),
+          blocks_of(frame_mm, spacing_mm, beams.frames)};
+}
+
+}  // namespace usct

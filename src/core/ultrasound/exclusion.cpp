@@ -1,0 +1,342 @@
+#include "ultrasound/exclusion.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "parallel.h"
+#include "require.h"
+#include "ultrasound/gaussian_sums.h"
+#include "ultrasound/selection.h"
+
+namespace usct {
+namespace {
+
+constexpr double kSpeckleSigmaMm = 1.5;
+constexpr double kRobustDeviations = 3.0;
+constexpr double kMadToDeviation = 1.4826;
+constexpr double kNearFieldChange = 0.2;
+constexpr double kWallRise = 1.5;
+constexpr double kSurelyWallGrey = 180.0;
+constexpr double kDarkShare = 0.9;
+constexpr int kWallNeighbours = 4;  // to either side, lines and frames
+constexpr float kConstantGrey = 1.0F;
+constexpr std::size_t kParts = 4;
+
+/// Changes their order.
+template <typename Value>
+Value median(std::vector<Value>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+class Exclusion {
+ public:
+  Exclusion(const BeamUltrasound& ultrasound, const ConditioningOptions& options,
+            ConditionedUltrasound& result)
+      : us_(ultrasound),
+        options_(options),
+        result_(result),
+        axial_(ultrasound.beams.axial),
+        samples_(ultrasound.beams.samples()),
+        beams_(static_cast<int>(ultrasound.beams.beams.size())),
+        soft_(ultrasound.brightness.size()) {}
+
+  void run() {
+    result_.reasons.assign(us_.brightness.size(), 0);
+    smooth();
+    find_depths();
+    find_far_wall();
+    judge_depths();
+    for_beams([&](int beam) { mark(beam); });
+  }
+
+ private:
+  std::size_t at(int beam, int sample) const {
+    return static_cast<std::size_t>(beam) * static_cast<std::size_t>(samples_) +
+           static_cast<std::size_t>(sample);
+  }
+  bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
+
+  /// Frame by frame: a beam is too little work for a thread to fetch.
+  template <typename Body>
+  void for_beams(const Body& body) const {
+    const int lines = us_.beams.lines;
+    parallel_for_alike(us_.beams.frames, [&](int frame) {
+      for (int beam = frame * lines; beam < (frame + 1) * lines; ++beam) body(beam);
+    });
+  }
+
+  /// Speckle averaged, over what is known.
+  void smooth() {
+    std::vector<float> weight(soft_.size());
+    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        if (is_known(i)) {
+          weight[i] = 1.0F;
+          soft_[i] = us_.brightness[i];
+        }
+    });
+    const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
+    soft_ = sums(std::move(soft_));
+    weight = sums(std::move(weight));
+    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        if (is_known(i)) soft_[i] /= weight[i];
+    });
+  }
+
+  /// What is usual at a depth: the median over the beams that know it; not a number where none
+  /// does.
+  std::vector<double> usual_grey() const {
+    constexpr int kAtOnce = 16;  // samples: what lies side by side in memory
+    std::vector<double> result(static_cast<std::size_t>(samples_));
+    parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
+      const int first = part * kAtOnce;
+      const int last = std::min(samples_, first + kAtOnce);
+      std::array<std::vector<float>, kAtOnce> values;
+      for (std::vector<float>& column : values) column.reserve(static_cast<std::size_t>(beams_));
+      for (int beam = 0; beam < beams_; ++beam)
+        for (int s = first; s < last; ++s)
+          if (is_known(at(beam, s)))
+            values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
+      for (int s = first; s < last; ++s) {
+        std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
+        result[static_cast<std::size_t>(s)] = column.empty()
+                                                  ? std::numeric_limits<double>::quiet_NaN()
+                                                  : nth_value(column, column.size() / 2);
+      }
+    });
+    return result;
+  }
+
+  /// Mean over the beams, likewise.
+  std::vector<double> mean_grey() const {
+    std::vector<double> sum(static_cast<std::size_t>(samples_));
+    std::vector<double> count(sum.size());
+    for (int beam = 0; beam < beams_; ++beam) {
+      const float* soft = soft_.data() + at(beam, 0);
+      const std::uint8_t* known = us_.known.empty() ? nullptr : us_.known.data() + at(beam, 0);
+      for (std::size_t s = 0; s < sum.size(); ++s) {
+        const double counts = known == nullptr || known[s] != 0 ? 1.0 : 0.0;
+        sum[s] += counts * static_cast<double>(soft[s]);
+        count[s] += counts;
+      }
+    }
+    for (std::size_t s = 0; s < sum.size(); ++s) sum[s] /= count[s];
+    return sum;
+  }
+
+  void find_depths() {
+    const DepthOptions& depth = options_.depth;
+    const double first_mm = axial_.depth_mm(0);
+    const double last_mm = axial_.depth_mm(samples_ - 1);
+    result_.min_depth_mm = depth.min_mm.value_or(depth.automatic ? near_field_end_mm() : first_mm);
+    result_.max_depth_mm = depth.max_mm.value_or(last_mm);
+    if (std::max(result_.min_depth_mm, first_mm) > std::min(result_.max_depth_mm, last_mm))
+      throw InputError("depth range", std::to_string(result_.min_depth_mm) + " to " +
+                                          std::to_string(result_.max_depth_mm) +
+                                          " mm holds no sample, must meet the lines' " +
+                                          std::to_string(first_mm) + " to " +
+                                          std::to_string(last_mm) + " mm");
+  }
+
+  double near_field_end_mm() const {
+    const std::vector<double> profile = mean_grey();
+    std::vector<double> inner;
+    for (int s = samples_ / 4; s <= samples_ * 3 / 4; ++s)
+      if (std::isfinite(profile[static_cast<std::size_t>(s)]))
+        inner.push_back(profile[static_cast<std::size_t>(s)]);
+    const int third = samples_ / 3;
+    const double third_mm = axial_.depth_mm(third);
+    double end_mm = std::min(options_.depth.near_field_mm, third_mm);
+    if (inner.empty()) return end_mm;
+    const double level = median(inner);
+    for (double& value : inner) value = std::abs(value - level);
+    const double tolerance = std::max(kRobustDeviations * kMadToDeviation * median(inner),
+                                      kNearFieldChange * std::abs(level));
+    const double limit_mm = std::min(options_.depth.near_field_limit_mm, third_mm);
+    for (int s = 0; s < samples_ && axial_.depth_mm(s) <= limit_mm; ++s)
+      if (std::abs(profile[static_cast<std::size_t>(s)] - level) > tolerance)
+        end_mm = std::max(end_mm, axial_.depth_mm(s + 1));
+    return end_mm;
+  }
+
+  /// First sample at or beyond the wall per beam; `samples_` where there is none.
+  void find_far_wall() {
+    wall_.assign(static_cast<std::size_t>(beams_), samples_);
+    if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
+      return;
+    const double grey = wall_grey();
+    std::vector<int> found(wall_.size());
+    for_beams([&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
+    if (std::all_of(found.begin(), found.end(), [&](int s) { return s == samples_; })) return;
+    for_beams(
+        [&](int beam) { wall_[static_cast<std::size_t>(beam)] = median_around(found, beam); });
+    const auto with_wall = static_cast<double>(
+        std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
+    result_.far_wall_share = with_wall / beams_;
+    if (result_.far_wall_share >= options_.depth.far_wall_share) return;
+    result_.far_wall_share = 0.0;
+    std::fill(wall_.begin(), wall_.end(), samples_);
+  }
+
+  /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
+  /// that decile is already the wall's.
+  double wall_grey() const {
+    constexpr int kBeams = 2000;  // are enough
+    const int step = std::max(1, beams_ / kBeams);
+    const int end = samples_ * 2 / 3;
+    int first = 0;
+    while (first < end && axial_.depth_mm(first) < result_.min_depth_mm) ++first;
+    std::vector<float> values(static_cast<std::size_t>(end - first) *
+                              static_cast<std::size_t>(beams_ / step + 1));
+    std::size_t count = 0;
+    for (int beam = 0; beam < beams_; beam += step)
+      for (int s = first; s < end; ++s) {
+        values[count] = soft_[at(beam, s)];
+        count += is_known(at(beam, s)) ? 1 : 0;
+      }
+    values.resize(count);
+    if (values.empty()) return std::numeric_limits<double>::infinity();
+    const double decile = nth_value(values, values.size() * 9 / 10);
+    return std::max(std::min(kWallRise * decile, kSurelyWallGrey), options_.visible_grey);
+  }
+
+  int bright_echo(int beam, double wall_grey) const {
+    for (int s = samples_ / 2; s < samples_; ++s)
+      if (is_known(at(beam, s)) && soft_[at(beam, s)] > wall_grey)
+        return std::max(
+            0, s - static_cast<int>(options_.depth.far_wall_margin_mm / axial_.spacing_mm));
+    return samples_;
+  }
+
+  int median_around(const std::vector<int>& found, int beam) const {
+    const int lines = us_.beams.lines;
+    const int line = beam % lines;
+    const int frame = beam / lines;
+    std::vector<int> values;
+    constexpr std::size_t kAcross = 2 * kWallNeighbours + 1;
+    values.reserve(kAcross * kAcross);
+    for (int f = std::max(0, frame - kWallNeighbours);
+         f <= std::min(us_.beams.frames - 1, frame + kWallNeighbours); ++f)
+      for (int l = std::max(0, line - kWallNeighbours);
+           l <= std::min(lines - 1, line + kWallNeighbours); ++l)
+        values.push_back(found[static_cast<std::size_t>(f) * static_cast<std::size_t>(lines) +
+                               static_cast<std::size_t>(l)]);
+    return median(values);
+  }
+
+  /// What holds for all beams alike.
+  void judge_depths() {
+    usual_ = usual_grey();
+    visible_.resize(usual_.size());
+    outside_.resize(usual_.size());
+    for (std::size_t s = 0; s < usual_.size(); ++s) {
+      const double depth_mm = axial_.depth_mm(static_cast<int>(s));
+      const bool inside = depth_mm >= result_.min_depth_mm && depth_mm <= result_.max_depth_mm;
+      outside_[s] = inside ? 0 : kOutsideDepth;
+      visible_[s] = inside && usual_[s] >= options_.visible_grey ? 1 : 0;
+    }
+  }
+
+  bool is_constant(int beam) const {
+    float low = std::numeric_limits<float>::max();
+    float high = std::numeric_limits<float>::lowest();
+    for (int s = 0; s < samples_ && high - low <= kConstantGrey; ++s) {
+      if (!is_known(at(beam, s))) continue;
+      low = std::min(low, us_.brightness[at(beam, s)]);
+      high = std::max(high, us_.brightness[at(beam, s)]);
+    }
+    return high - low <= kConstantGrey;
+  }
+
+  /// Samples by which a beam is judged.
+  std::vector<int> judged_of(int beam) const {
+    std::vector<int> judged;
+    judged.reserve(static_cast<std::size_t>(samples_));
+    for (int s = 0; s < std::min(samples_, wall_[static_cast<std::size_t>(beam)]); ++s)
+      if (visible_[static_cast<std::size_t>(s)] != 0 && is_known(at(beam, s))) judged.push_back(s);
+    return judged;
+  }
+
+  /// In every quarter of what is judged: behind a rib the first quarter still shows tissue.
+  bool is_dark(int beam, const std::vector<int>& judged) const {
+    if (judged.size() < kParts) return false;
+    for (std::size_t part = 0; part < kParts; ++part) {
+      double sum = 0.0;
+      double usual_sum = 0.0;
+      for (std::size_t i = part * judged.size() / kParts; i < (part + 1) * judged.size() / kParts;
+           ++i) {
+        sum += soft_[at(beam, judged[i])];
+        usual_sum += usual_[static_cast<std::size_t>(judged[i])];
+      }
+      if (sum >= options_.no_contact_share * usual_sum) return false;
+    }
+    return true;
+  }
+
+  /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
+  /// there is none.
+  int shadow_start(int beam, const std::vector<int>& judged) const {
+    int start = samples_;
+    int shadow = 0;
+    int seen = 0;
+    int dark = 0;
+    for (std::size_t i = judged.size(); i-- > 0;) {
+      const int s = judged[i];
+      ++seen;
+      if (soft_[at(beam, s)] >= options_.shadow_share * usual_[static_cast<std::size_t>(s)])
+        continue;
+      ++dark;
+      if (dark < kDarkShare * seen) continue;
+      start = s;
+      shadow = seen;
+    }
+    return shadow * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
+  }
+
+  void mark(int beam) {
+    const std::vector<int> judged = judged_of(beam);
+    const bool no_contact = is_constant(beam) || is_dark(beam, judged);
+    const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
+    std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
+    const float* brightness = us_.brightness.data() + at(beam, 0);
+    for (std::size_t s = 0; s < outside_.size(); ++s) {
+      const int saturated = brightness[s] >= options_.saturated_grey ? kSaturated : 0;
+      reasons[s] = static_cast<std::uint8_t>(outside_[s] | saturated);
+    }
+    const auto mark_from = [&](int first, ExclusionReason reason) {
+      for (int s = first; s < samples_; ++s) reasons[s] |= reason;
+    };
+    mark_from(wall_[static_cast<std::size_t>(beam)], kFarWall);
+    mark_from(shadow, kShadow);
+    if (no_contact) mark_from(0, kNoContact);
+    for (int s = 0; s < samples_; ++s)
+      if (!is_known(at(beam, s))) reasons[s] |= kUnknown;
+  }
+
+  const BeamUltrasound& us_;
+  const ConditioningOptions& options_;
+  ConditionedUltrasound& result_;
+  AxialSampling axial_;
+  int samples_;
+  int beams_;
+  std::vector<float> soft_;  // brightness with the speckle averaged
+  std::vector<int> wall_;
+  // Per depth:
+  std::vector<double> usual_;
+  std::vector<std::uint8_t> visible_;  // 0 where even what is usual is dark, or of no interest
+  std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
+};
+
+}  // namespace
+
+void exclude(const BeamUltrasound& ultrasound, const ConditioningOptions& options,
+             ConditionedUltrasound& result) {
+  Exclusion(ultrasound, options, result).run();
+}
+
+}  // namespace usct
