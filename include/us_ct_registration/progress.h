@@ -9,4 +9,8 @@ namespace usct {
 /// caller of the work.
 using Progress = std::function<void(double fraction)>;
 
+/// Called between the parts of long work, possibly from several threads at once; it may throw to
+/// cancel. An empty function means that nobody cancels.
+using Check = std::function<void()>;
+
 }  // namespace usct

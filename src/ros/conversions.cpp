@@ -345,8 +345,8 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
   if (result.T_us_ct) message.transform = to_message(*result.T_us_ct);
   message.expected_error = std::numeric_limits<double>::quiet_NaN();
   if (result.covariance) fill_covariance(*result.covariance, message);
-  if (const auto error = result.measures.find("expected_error_mm"); error != result.measures.end())
-    message.expected_error = error->second / kMmPerM;
+  if (result.measures.expected_error_mm)
+    message.expected_error = *result.measures.expected_error_mm / kMmPerM;
   message.similarity = result.similarity;
   message.overlap = result.overlap;
   for (const RegistrationCandidate& candidate : result.candidates) {
@@ -356,7 +356,7 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
     one.overlap = candidate.overlap;
     message.candidates.push_back(one);
   }
-  message.measures = to_messages(result.measures);
+  message.measures = to_messages(by_name(result.measures));
   message.durations = to_messages(result.seconds);
   message.evaluations = static_cast<std::uint32_t>(result.evaluations);
   message.version = result.version;

@@ -113,7 +113,7 @@ Volume<float> normalised(const ScanConverted& converted, const UltrasoundConvers
   options.smoothing_mm = conversion.smoothing_mm;
   options.window_mm = conversion.window_mm;
   options.depth.automatic = false;
-  options.saturated_grey = std::numeric_limits<double>::infinity();
+  options.saturated_grey.reset();
   options.no_contact_share = 0.0;
   options.shadow_share = 0.0;
   // Along the first index axis the samples have the order of the voxels.

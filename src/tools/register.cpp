@@ -62,13 +62,11 @@ struct Case {
 };
 
 void start_from_all_orientations(RegistrationOptions& options) {
-  constexpr double kHalfTurn = kPi;
-  StageOptions& first = options.stages.front();
-  if (!first.starts)
-    throw InputError("--all-orientations",
-                     "is given, but the first stage of the options has no starts");
-  first.starts->region = StartRegion::kBall;
-  first.starts->rotation_rad = kHalfTurn;
+  std::optional<StartOptions>& starts = options.search.starts;
+  if (!starts)
+    throw InputError("--all-orientations", "is given, but the search of the options has no starts");
+  starts->region = StartRegion::kBall;
+  starts->rotation_rad = kPi;  // half a turn
 }
 
 RegistrationOptions options_of(const RegisterCommand& command) {
@@ -200,18 +198,12 @@ void print_candidates(const RegistrationResult& result, const Eigen::Vector3d& m
   }
 }
 
-void print_acquisition_errors(const RegistrationResult& result,
-                              const RegistrationOptions& options) {
+void print_acquisition_errors(const Measures& measures) {
   constexpr double kPercent = 100.0;
-  const auto print = [&](const char* error, double StageOptions::*limit) {
-    const auto estimated = [&](const StageOptions& stage) { return stage.*limit > 0.0; };
-    const auto it = result.options.find(error);
-    if (it != result.options.end() &&
-        std::any_of(options.stages.begin(), options.stages.end(), estimated))
-      std::printf("estimated %s: %+.2f %%\n", error, kPercent * std::atof(it->second.c_str()));
-  };
-  print("depth_error", &StageOptions::depth_error);
-  print("sweep_error", &StageOptions::sweep_error);
+  if (measures.depth_error)
+    std::printf("estimated depth error: %+.2f %%\n", kPercent * *measures.depth_error);
+  if (measures.sweep_error)
+    std::printf("estimated sweep error: %+.2f %%\n", kPercent * *measures.sweep_error);
 }
 
 void print_seconds(const std::map<std::string, double>& seconds) {
@@ -224,8 +216,8 @@ void print_seconds(const std::map<std::string, double>& seconds) {
   std::printf("\n");
 }
 
-void print_summary(const RegisterCommand& command, const RegistrationOptions& options,
-                   const Case& c, const RegistrationResult& result) {
+void print_summary(const RegisterCommand& command, const Case& c,
+                   const RegistrationResult& result) {
   const Eigen::Vector3d middle_us_mm = middle_mm(c.beams.beams);
   std::printf("status: %s\nreason: %s\n", status_name(result.status), result.message.c_str());
   std::printf("similarity: %.4f, overlap %.2f\n", result.similarity, result.overlap);
@@ -237,7 +229,7 @@ void print_summary(const RegisterCommand& command, const RegistrationOptions& op
   }
   if (!c.targets_us_mm.empty()) print_expected_errors(result, c.targets_us_mm);
   print_candidates(result, middle_us_mm);
-  print_acquisition_errors(result, options);
+  print_acquisition_errors(result.measures);
   std::printf("evaluations: %d\n", result.evaluations);
   print_seconds(result.seconds);
   std::printf("%s\n", command.output.c_str());
@@ -274,7 +266,7 @@ int run_register(const RegisterCommand& command) {
   if (command.json)
     std::fputs(result_json(result).c_str(), stdout);
   else
-    print_summary(command, options, c, result);
+    print_summary(command, c, result);
   if (!is_registered(result)) warn_of_refusal(command, result);
   if (!command.pictures.empty()) write_pictures(command, c, result);
   return is_registered(result) ? kDone : kRefused;

@@ -288,10 +288,10 @@ TEST(Registration, GoalsThatCannotBeAreRefused) {
   EXPECT_TRUE(is_zero(result.transform));
 
   goal.preset = "fast";
-  goal.options = "stages: {1: {optimizer: {initial_stepp: 3}}}";
+  goal.options = "search: {levels: {1: {optimizer: {initial_stepp: 3}}}}";
   result = goal_result(client, goal);
   EXPECT_EQ(result.status.code, Status::INVALID_REQUEST);
-  EXPECT_THAT(result.status.message, HasSubstr("stages[1].optimizer.initial_stepp"));
+  EXPECT_THAT(result.status.message, HasSubstr("search.levels[1].optimizer.initial_stepp"));
 
   goal.options = "";
   goal.us_stamp = ::ros::Time(12.5);
@@ -341,7 +341,7 @@ TEST(Registration, GoalRegistersWithProgress) {
 void start_long_goal(RegistrationClient& client) {
   msg::RegisterGoal goal;
   goal.preset = "phantom";
-  goal.options = "stages: {0: {starts: {count: 65536}, optimised: 4096}}";
+  goal.options = "search: {starts: {count: 65536}, levels: {0: {optimised: 4096}}}";
   std::atomic<bool> registering{false};
   ASSERT_TRUE(client.action.waitForServer(kLimit));
   client.action.sendGoal(goal, {}, {}, [&](const msg::RegisterFeedbackConstPtr& feedback) {
@@ -635,8 +635,8 @@ TEST(Registration, WrongParametersEndTheNodeNamingThem) {
         std::filesystem::read_symlink("/proc/self/exe").parent_path() / "registration";
     return output_of(node.string() + " __name:=wrong " + parameters);
   };
-  EXPECT_THAT(started_with("_options:='stages: {0: {spacing: 3}}'"),
-              AllOf(HasSubstr("/wrong/options"), HasSubstr("stages[0].spacing"),
+  EXPECT_THAT(started_with("_options:='search: {levels: {0: {spacing: 3}}}'"),
+              AllOf(HasSubstr("/wrong/options"), HasSubstr("search.levels[0].spacing"),
                     HasSubstr("exit status 2")));
   EXPECT_EQ(std::system("rosparam delete /wrong"), 0);
   EXPECT_THAT(started_with("_preset:=fastest"),

@@ -112,7 +112,7 @@ struct StudyRun {
 
   bool accepted() const { return result.T_us_ct.has_value(); }
   /// Wall time of the registration without files: the result's "total" if it tells one, else the
-  /// sum of its stages.
+  /// sum of its steps.
   double seconds() const;
 };
 

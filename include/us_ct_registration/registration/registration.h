@@ -19,17 +19,18 @@ struct RegistrationHooks {
 
 /// Finds the pose at which a CT explains ultrasound best, and says whether to believe it.
 ///
-/// Ultrasound is averaged, masked and freed of gain (`condition`); the part of the CT that the
-/// search can reach is cropped and averaged, stage by stage. From the starts around the initial
-/// pose the stages keep the most similar poses, coarse to fine; the optima of the last but one are
-/// ranked, and the last polishes the first of them. Then the gates of ConfidenceOptions: what does
-/// not pass comes back as kLowConfidence or kNoOverlap, without a transform but with its
-/// candidates.
+/// Prepare: the ultrasound is averaged, masked and freed of gain (`condition`); the part of the CT
+/// that the search can reach is cropped, and both images are averaged level by level. Search: from
+/// starts around the initial pose the levels keep the most similar poses, coarse to fine; the last
+/// level ranks its optima. Refine: the first of them is climbed on finer images. Assess and judge:
+/// what is measured of the pose must keep the limits of ConfidenceOptions::gates; else the search
+/// goes on in another round. A pose that fails comes back as kLowConfidence or kNoOverlap, without
+/// a transform but with its candidates.
 ///
 /// Data that cannot be registered (no overlap, nothing in the ultrasound that counts or varies, no
 /// evaluation allowed, a pose that is not finite) are no error but a status and a message. Throws
-/// InputError for invalid options, a CT or beams that are malformed, and an initial pose that is
-/// not rigid.
+/// InputError for invalid options, a CT or beams that are malformed or of another kind than the
+/// options are for, and an initial pose that is not rigid.
 ///
 /// The same bits for the same input, options and seed, with any number of threads.
 RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const CtVolume& ct,

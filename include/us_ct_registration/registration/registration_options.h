@@ -1,70 +1,134 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/optimizer/optimizer.h"
+#include "us_ct_registration/registration/gates.h"
 #include "us_ct_registration/registration/starts.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
-#include "us_ct_registration/simulation/simulation.h"
+#include "us_ct_registration/similarity/catalogue.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
 #include "us_ct_registration/volume/hu_window.h"
 
+/// The options of a registration by role. All defaults together are the preset `patient`.
 namespace usct {
 
-/// One stage from coarse to fine. Candidates come in (the initial pose, or what the stage before
-/// kept), are spread if there are starts, the best are optimised, and the best distinct ones of
-/// these are handed on.
-struct StageOptions {
-  /// Ultrasound samples and CT voxels are averaged to about this spacing.
-  double spacing_mm = 2.0;
+/// A similarity on images of one resolution, and how it is climbed.
+struct ClimbOptions {
+  /// Ultrasound samples and CT voxels are averaged to about this spacing; unset: neither is.
+  std::optional<double> spacing_mm = 2.0;
   SimilarityOptions similarity;
-  /// Around the initial pose; only the first stage may have some.
-  std::optional<StartOptions> starts;
+  /// Its seed is not used: RegistrationOptions::seed is.
+  OptimizerOptions optimizer;
+  /// Farthest that an optimizer may go from where it starts, along each pose parameter, mm.
+  double reach_mm = 40.0;
+
+  void validate(const std::string& source) const;
+};
+
+/// One level of the search. Candidates come in (the starts, or what the level before kept), the
+/// best are optimised, and the best distinct optima are handed on.
+struct LevelOptions : ClimbOptions {
   /// How many of the candidates are optimised, best first; >= 1.
   int optimised = 1;
   /// How many distinct optima are handed on; >= 1.
   int kept = 1;
-  /// Its seed is not used: RegistrationOptions::seed is.
-  OptimizerOptions optimizer;
-  /// Farthest that an optimizer may go from where it starts, along each pose parameter, mm.
-  double reach_mm = 20.0;
-  /// Estimate AcquisitionErrors along with the pose: how far each may be from 0; 0: not estimated.
-  /// Only the last stage may.
-  double depth_error = 0.0;
-  double sweep_error = 0.0;
 
-  /// Throws InputError, naming `source`, the field, its value and the constraint.
   void validate(const std::string& source) const;
 };
 
-/// When a registration is believed. Poses spread like the starts, away from the best one, show what
-/// a similarity is worth where nothing fits: its value at the best pose is judged in standard
-/// deviations above their mean. (The value itself says little: it depends on noise, contrast and
-/// the field of view.)
-struct ConfidenceOptions {
-  /// Least share of the ultrasound in the CT; [0, 1].
-  double min_overlap = 0.2;
+/// A search whose best optimum does not pass the gates goes on in further rounds.
+struct RoundOptions {
+  /// Rounds at most; [1, 6].
+  int most = 3;
+  /// Round r, counted from 0, has growth^r times the starts of the first; [1, 16].
+  int growth = 4;
+  /// From the second round on, the levels optimise and keep breadth * growth^r times as many
+  /// optima as in the first, the deciding level deciding_breadth * growth^r times: what the first
+  /// round did not find is one of hundreds of equals at the coarse levels; [1, 64].
+  int breadth = 8;
+  int deciding_breadth = 4;
+  /// Every other round (the second, the fourth...) spreads its starts over this share of the
+  /// region and climbs straight at the deciding level: what only that level shows has a narrow
+  /// peak, which is found where starts are dense; (0, 1].
+  double near_share = 0.5;
+
+  void validate(const std::string& source) const;
+};
+
+/// Multi-start search, coarse to fine.
+struct SearchOptions {
+  /// Around the initial pose; unset: the initial pose alone.
+  std::optional<StartOptions> starts = StartOptions{};
+  /// Coarse to fine; at least one. The last one decides: its optima are ranked.
+  std::vector<LevelOptions> levels;
+  RoundOptions rounds;
+  /// Optima closer than this (mean displacement of the field of view) are one, mm.
+  double distinct_mm = 4.0;
+  /// How many distinct optima are kept at the end; >= 1.
+  int most_optima = 16;
+  /// The CT that the search may look at: the field of view at the initial pose, grown by the
+  /// translations of the starts, by their rotations times the field's radius, and by this margin,
+  /// mm, in which optimizers go on and smoothing looks around.
+  double ct_margin_mm = 15.0;
+  /// Rotations larger than this many radians are not counted further there: the field is about as
+  /// wide as it is deep, so that what turns further stays in about the same place; > 0.
+  double ct_most_turn_rad = 1.2;
+
+  void validate(const std::string& source) const;
+};
+
+/// The last fraction of a millimetre, from the best optimum of the search.
+struct RefinementOptions : ClimbOptions {
+  /// The CT is made again around the best optimum, with this margin, mm (or the reach, if that is
+  /// less).
+  double ct_margin_mm = 10.0;
+  /// Estimate AcquisitionErrors along with the pose: how far each may be from 0, [0, 0.2]; 0: not
+  /// estimated. Refused where the similarity cannot follow the error.
+  double depth_error = 0.0;
+  double sweep_error = 0.0;
+
+  void validate(const std::string& source) const;
+};
+
+/// Poses where nothing fits show what a similarity is worth there. (The value itself says little:
+/// it depends on noise, contrast and the field of view.)
+struct BackgroundOptions {
   /// How many poses; >= 16.
-  int background = 64;
-  /// ... and how far they are spread where the first stage has no starts, mm; > 0.
-  double background_mm = 25.0;
-  /// Of the decisive stage's similarity (the last but one; the only one if there is one).
-  double min_significance = 8.0;
-  /// How much worse the best rival elsewhere (over 10 mm away) must be: the difference as a share
-  /// of the best one's height above the background; [0, 1]. What scatters too much is no rival.
-  double min_margin = 0.1;
-  /// The last stage may move the decisive stage's optimum by this much, mm (mean displacement).
-  double max_disagreement_mm = 5.0;
-  /// Greatest distance from the initial pose, mm (mean displacement); infinite: any.
-  double max_displacement_mm = std::numeric_limits<double>::infinity();
-  /// A second similarity, on the images of the decisive stage, that did not choose the pose. Its
-  /// parts may pull the pose apart by this much, mm (root mean square displacement of the field of
-  /// view): where the pose is right they agree, where it only looks right they do not.
-  SimilarityOptions confirmation;
-  double max_scatter_mm = 0.5;
+  int count = 64;
+  /// They are spread like the starts; where there are no starts, over a box of this half width.
+  double spread_rad = 20.0 * kDegree;
+  double spread_mm = 25.0;
+  /// Only poses farther than this from the best one count, mm; >= 0.
+  double away_mm = 10.0;
+
+  void validate(const std::string& source) const;
+};
+
+/// How far the parts of a second similarity, which did not choose the pose, pull it apart: where a
+/// pose is right they agree, where it only looks right they do not.
+struct ScatterOptions {
+  /// On the images of the deciding level. A similarity without parts measures nothing.
+  SimilarityOptions similarity;
+  /// A quadratic is fitted to it at poses this far from the found one, mm; > 0.
+  double around_mm = 3.0;
+  /// Directions whose curvature is below this share of the largest count as this flat; (0, 1].
+  double least_curvature = 0.03;
+
+  void validate(const std::string& source) const;
+};
+
+struct ConfidenceOptions {
+  GateLimits gates;
+  BackgroundOptions background;
+  /// An optimum farther than this from the best one is a rival, mm; what is closer is the slope of
+  /// the best one; >= 0.
+  double rival_mm = 10.0;
+  ScatterOptions scatter;
   /// Covariance: factor on the standard deviations that the ultrasound's patches give (they are not
   /// independent, and err together), and what no image shows: shift of the field (root mean square)
   /// by sound speed, deformation and the like, mm. Both by calibration (docs/accuracy.md).
@@ -74,26 +138,33 @@ struct ConfidenceOptions {
   void validate(const std::string& source) const;
 };
 
+/// Which beams the options are meant for.
+enum class BeamKind {
+  kAny,
+  kParallel,  // variant A of the thesis: others are refused
+};
+
+constexpr auto words_of(BeamKind) {
+  return std::array<std::pair<BeamKind, const char*>, 2>{
+      {{BeamKind::kAny, "any"}, {BeamKind::kParallel, "parallel"}}};
+}
+
 struct RegistrationOptions {
+  BeamKind beams = BeamKind::kAny;
   /// CT values that count, and what lies outside the CT.
   HuWindow window;
   double outside_hu = 40.0;
-  /// The ultrasound is averaged to about this spacing before it is conditioned.
-  double conditioning_spacing_mm = 1.0;
+  /// The ultrasound is averaged to about this spacing before it is conditioned; unset: it is not.
+  std::optional<double> conditioning_spacing_mm = 1.0;
   ConditioningOptions conditioning;
-  /// Of the similarity `simulated_lc2`, the thesis'.
-  SimulationOptions simulation;
-  FitOptions fit;
-  /// Coarse to fine; at least one. All but the last are the search.
-  std::vector<StageOptions> stages;
-  /// Where the search finds nothing that passes the gates, it goes on: each round has four times
-  /// the starts of the one before, and optimises and keeps at least four times as many; every other
-  /// one spreads them half as far and climbs at the decisive stage alone; [1, 6].
-  int rounds = 1;
-  /// Optima closer than this (mean displacement of the field of view) are one, mm.
-  double distinct_mm = 4.0;
+  SearchOptions search;
+  /// Unset: the best optimum of the search is the result.
+  std::optional<RefinementOptions> refinement;
   ConfidenceOptions confidence;
   std::uint32_t seed = 1;
+
+  /// Those of the preset `patient`.
+  RegistrationOptions();
 
   /// Throws InputError, naming `source`, the field, its value and the constraint.
   void validate(const std::string& source = "registration options") const;

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/registration/gates.h"
+
 namespace usct {
 
 /// How a registration ended. Only kRegistered comes with a transform.
@@ -49,12 +51,10 @@ struct RegistrationResult {
   /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
   /// as well.
   std::vector<RegistrationCandidate> candidates;
-  /// What the gates judged and the last stage estimated, by name: `significance`, `margin`,
-  /// `disagreement_mm`, `displacement_mm`, `scatter_mm`, `expected_error_mm`, `depth_error`,
-  /// `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not measured is absent.
-  std::map<std::string, double> measures;
+  /// What the gates judged and the refinement estimated.
+  Measures measures;
   int evaluations = 0;
-  /// Wall time per stage, s.
+  /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`.
   std::map<std::string, double> seconds;
   /// The options that it ran with, as text.
   std::map<std::string, std::string> options;

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 
 namespace usct {
@@ -18,15 +21,20 @@ enum class StartRegion {
   kBall,
 };
 
+constexpr auto words_of(StartRegion) {
+  return std::array<std::pair<StartRegion, const char*>, 2>{
+      {{StartRegion::kBox, "box"}, {StartRegion::kBall, "ball"}}};
+}
+
 struct StartOptions {
   StartRegion region = StartRegion::kBox;
   /// How many starts, the initial pose included; >= 1.
-  int count = 256;
+  int count = 512;
   /// Half the width of the box (at most 103 degrees, so that no rotation exceeds 180), or the
   /// radius of the ball (at most 180 degrees); >= 0.
-  double rotation_rad = 0.3490658503988659;  // 20 degrees
+  double rotation_rad = 25.0 * kDegree;
   /// Half the width of the box, or the radius of the ball; >= 0.
-  double translation_mm = 20.0;
+  double translation_mm = 25.0;
 
   /// Throws InputError, naming `source`, unless all is as said above.
   void validate(const std::string& source) const;

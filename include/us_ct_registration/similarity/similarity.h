@@ -1,8 +1,11 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <limits>
 #include <vector>
+
+#include "us_ct_registration/progress.h"
 
 namespace usct {
 
@@ -16,6 +19,13 @@ struct AcquisitionErrors {
   double sweep = 0.0;
 };
 
+/// Where a similarity is evaluated.
+struct SimilarityPose {
+  /// Maps the US frame to the CT's, mm; rigid.
+  Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
+  AcquisitionErrors errors;
+};
+
 struct SimilarityValue {
   /// Higher is better; NaN where nothing can be said (no overlap at all).
   double value = std::numeric_limits<double>::quiet_NaN();
@@ -24,24 +34,34 @@ struct SimilarityValue {
 };
 
 /// How well a CT explains ultrasound at a pose. Both images and all options are fixed when it is
-/// made (see the factories); it is then a function of the pose alone.
+/// made (see catalogue.h); it is then a function of the pose alone. All functions may be called
+/// from several threads at once, and give the same bits for the same pose, always.
 class Similarity {
  public:
   virtual ~Similarity() = default;
 
-  /// `T_ct_us` maps the US frame to the CT's, mm; rigid. May be called from several threads at
-  /// once; the same bits for the same pose, always.
-  virtual SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
-                                   const AcquisitionErrors& errors) const = 0;
-  SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us) const {
-    return evaluate(T_ct_us, AcquisitionErrors{});
+  /// Fills `values[i]` for `poses[i]`, i in [0, count). Several poses are shared between the
+  /// threads; a single pose leaves the threads to the patches of the ultrasound. `check` is called
+  /// before each pose, from several threads, and may throw to cancel.
+  virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                        const Check& check) const = 0;
+
+  /// What each part of the ultrasound (patch) contributes at a pose; the sum is the value. One part
+  /// for a similarity that is not a sum.
+  virtual std::vector<double> parts(const SimilarityPose& pose) const {
+    return {evaluate(pose).value};
   }
 
-  /// What each part of the ultrasound (patch) contributes; the sum is `evaluate().value`. One part
-  /// for a similarity that is not a sum.
-  virtual std::vector<double> parts(const Eigen::Isometry3d& T_ct_us,
-                                    const AcquisitionErrors& errors) const {
-    return {evaluate(T_ct_us, errors).value};
+  std::vector<SimilarityValue> evaluate(const std::vector<SimilarityPose>& poses,
+                                        const Check& check = {}) const {
+    std::vector<SimilarityValue> values(poses.size());
+    evaluate(poses.data(), poses.size(), values.data(), check);
+    return values;
+  }
+  SimilarityValue evaluate(const SimilarityPose& pose) const {
+    SimilarityValue value;
+    evaluate(&pose, 1, &value, {});
+    return value;
   }
 };
 

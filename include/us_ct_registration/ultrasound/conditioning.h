@@ -37,8 +37,9 @@ struct DepthOptions {
   double near_field_mm = 10.0;
   /// ... and searched for to this depth, mm, and no further than a third of the line.
   double near_field_limit_mm = 30.0;
-  /// Share of the beams that must meet a far wall for it to be believed; > 1: none is looked for.
-  double far_wall_share = 0.6;
+  /// Share of the beams that must meet a far wall for it to be believed, (0, 1]; unset: none is
+  /// looked for.
+  std::optional<double> far_wall_share = 0.6;
   /// Samples this far in front of the wall's echo go with it, mm.
   double far_wall_margin_mm = 3.0;
 };
@@ -59,8 +60,8 @@ struct ConditioningOptions {
   /// that count: keeps noise in empty regions from being blown up.
   double least_deviation = 0.1;
   DepthOptions depth;
-  /// Grey value from which a sample is saturated; above 255: none is.
-  double saturated_grey = 255.0;
+  /// Grey value from which a sample is saturated, and does not count, > 0; unset: none is.
+  std::optional<double> saturated_grey = 255.0;
   /// A line without contact is darker than this share of what is usual at its depth (the median
   /// over all beams), in each quarter of it; a shadow at each sample. Speckle is averaged first.
   double no_contact_share = 0.45;

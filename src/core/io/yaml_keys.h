@@ -14,7 +14,7 @@ namespace usct::io {
 /// The keys of a YAML map; in the end every one must have been asked for.
 ///
 /// Errors are InputErrors that name the source and the whole path of the key, such as
-/// `stages[1].optimizer.initial_step`.
+/// `search.levels[1].optimizer.initial_step`.
 class YamlKeys {
  public:
   /// `path` is that of the map, empty for a whole file. Throws unless the node is a map whose keys

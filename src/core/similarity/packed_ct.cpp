@@ -1,4 +1,4 @@
-#include "us_ct_registration/similarity/packed_ct.h"
+#include "similarity/packed_ct.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,10 +3,11 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
+#include "similarity/packed_ct.h"
+#include "similarity/ultrasound_patches.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/similarity/packed_ct.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
-#include "us_ct_registration/similarity/ultrasound_patches.h"
+#include "us_ct_registration/similarity/lc2_options.h"
+#include "us_ct_registration/similarity/similarity.h"
 
 /// The inner loops of the similarities of UltrasoundPatches and PackedCt: one pass over the
 /// samples, no intermediate volume. The scalar versions are the reference; the vector versions,
@@ -52,13 +53,12 @@ inline double mean_of(const UltrasoundPatches& us) {
 
 /// Throws InputError where the patches lack the beams that errors or channel need.
 inline PatchKernelInput kernel_input(const UltrasoundPatches& us, const PackedCt& ct,
-                                     const Eigen::Isometry3d& T_ct_us,
-                                     const AcquisitionErrors& errors, GradientChannel channel) {
-  if (!us.has_beams() && (is_moved(errors) || channel == GradientChannel::kAlongBeam))
+                                     const SimilarityPose& pose, GradientChannel channel) {
+  if (!us.has_beams() && (is_moved(pose.errors) || channel == GradientChannel::kAlongBeam))
     throw InputError("ultrasound patches",
                      "have no beams, must have them for acquisition errors "
                      "and for gradients along beams");
-  return {ct, us, ct.grid().T_index_physical() * T_ct_us, errors, channel};
+  return {ct, us, ct.grid().T_index_physical() * pose.T_ct_us, pose.errors, channel};
 }
 
 /// Sums over each strand of a block; m is the CT value minus the background in steps of a byte

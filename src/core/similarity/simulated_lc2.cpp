@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "require.h"
+#include "similarity/pose_by_pose.h"
 #include "similarity/simulated_lc2_kernel.h"
 #include "us_ct_registration/geometry/rigid.h"
 
@@ -23,10 +24,10 @@ constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
 constexpr double kConstant = 1e-12;
 constexpr double kCollinear = 1e-9;
 
-/// The CT with the differences of its voxels' neighbours.
-class PackedCt {
+/// The CT with, beside each voxel, the differences of its neighbours.
+class DifferencedCt {
  public:
-  PackedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
+  DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
       : grid_(ct.grid), hu_(ct.voxels), voxels_(ct.voxels.size()) {
     hu_.push_back(0);
     const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
@@ -203,7 +204,7 @@ double residual(const SimulationWeights& weights, const Sums& sums, double u_mea
   return w.dot(moments * w);
 }
 
-class SimulatedLc2 final : public Similarity {
+class SimulatedLc2 final : public PoseByPose {
  public:
   SimulatedLc2(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded,
                const CtVolume& ct, const SimulationOptions& simulation, const FitOptions& fit)
@@ -216,21 +217,21 @@ class SimulatedLc2 final : public Similarity {
     ct_.describe(scene_);
   }
 
-  SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
-                           const AcquisitionErrors& errors) const override {
-    require_rigid(T_ct_us, "T_ct_us");
+ private:
+  SimilarityValue value_at(const SimilarityPose& pose) const override {
+    const AcquisitionErrors& errors = pose.errors;
+    require_rigid(pose.T_ct_us, "T_ct_us");
     require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
             errors.depth, "finite and > -1");
     require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
             "0: this metric does not know it");
-    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * T_ct_us;
+    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * pose.T_ct_us;
     Sums sums;
     for (int block = 0; block < ultrasound_.blocks(); ++block)
       simulated_lc2::add_block(scene_, block_at(block, T_index_us, 1.0 + errors.depth), sums);
     return value_of(sums);
   }
 
- private:
   Block block_at(int index, const Eigen::Affine3d& T_index_us, double stretch) const {
     Block block;
     ultrasound_.describe(index, block);
@@ -279,13 +280,31 @@ class SimulatedLc2 final : public Similarity {
 
   BeamGrid beams_;
   BlockedUltrasound ultrasound_;
-  PackedCt ct_;
+  DifferencedCt ct_;
   Scene scene_;
   std::optional<double> transmission_length_mm_;
   FitOptions fit_;
 };
 
 }  // namespace
+
+SimilarityNeeds SimulatedLc2Options::needs() const {
+  SimilarityNeeds needs;
+  needs.recorded_ct = true;
+  needs.follows_depth_error = true;
+  return needs;
+}
+
+void SimulatedLc2Options::validate(const std::string& source) const {
+  simulation.validate(source + ".simulation");
+  fit.validate(source + ".fit");
+}
+
+std::shared_ptr<const Similarity> make(SimilarityImages& images,
+                                       const SimulatedLc2Options& options) {
+  return make_simulated_lc2(images.ultrasound(), {}, images.recorded_ct(), options.simulation,
+                            options.fit);
+}
 
 std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
                                                      const std::vector<std::uint8_t>& excluded,

@@ -1,4 +1,4 @@
-#include "us_ct_registration/similarity/ultrasound_patches.h"
+#include "similarity/ultrasound_patches.h"
 
 #include <algorithm>
 #include <cmath>

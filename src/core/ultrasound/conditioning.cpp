@@ -128,9 +128,12 @@ void ConditioningOptions::validate(const std::string& source) const {
     require(*depth.min_mm < *depth.max_mm, source, "depth.min_mm", *depth.min_mm, "< depth.max_mm");
   not_negative("depth.near_field_mm", depth.near_field_mm);
   not_negative("depth.near_field_limit_mm", depth.near_field_limit_mm);
-  require(depth.far_wall_share > 0.0, source, "depth.far_wall_share", depth.far_wall_share, "> 0");
+  if (depth.far_wall_share)
+    require(*depth.far_wall_share > 0.0 && *depth.far_wall_share <= 1.0, source,
+            "depth.far_wall_share", *depth.far_wall_share, "within (0, 1]");
   not_negative("depth.far_wall_margin_mm", depth.far_wall_margin_mm);
-  require(saturated_grey > 0.0, source, "saturated_grey", saturated_grey, "> 0");
+  if (saturated_grey)
+    require(*saturated_grey > 0.0, source, "saturated_grey", *saturated_grey, "> 0");
   share("no_contact_share", no_contact_share);
   share("shadow_share", shadow_share);
   not_negative("visible_grey", visible_grey);

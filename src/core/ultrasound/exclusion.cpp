@@ -167,8 +167,8 @@ class Exclusion {
   /// First sample at or beyond the wall per beam; `samples_` where there is none.
   void find_far_wall() {
     wall_.assign(static_cast<std::size_t>(beams_), samples_);
-    if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
-      return;
+    const std::optional<double>& least_share = options_.depth.far_wall_share;
+    if (options_.depth.max_mm || !options_.depth.automatic || !least_share) return;
     const double grey = wall_grey();
     std::vector<int> found(wall_.size());
     for_beams([&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
@@ -178,7 +178,7 @@ class Exclusion {
     const auto with_wall = static_cast<double>(
         std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
     result_.far_wall_share = with_wall / beams_;
-    if (result_.far_wall_share >= options_.depth.far_wall_share) return;
+    if (result_.far_wall_share >= *least_share) return;
     result_.far_wall_share = 0.0;
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
@@ -304,8 +304,10 @@ class Exclusion {
     const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
     std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
     const float* brightness = us_.brightness.data() + at(beam, 0);
+    const double saturated_grey =
+        options_.saturated_grey.value_or(std::numeric_limits<double>::infinity());
     for (std::size_t s = 0; s < outside_.size(); ++s) {
-      const int saturated = brightness[s] >= options_.saturated_grey ? kSaturated : 0;
+      const int saturated = brightness[s] >= saturated_grey ? kSaturated : 0;
       reasons[s] = static_cast<std::uint8_t>(outside_[s] | saturated);
     }
     const auto mark_from = [&](int first, ExclusionReason reason) {

@@ -5,6 +5,7 @@
 #include <variant>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/phantom/phantom.h"
@@ -12,8 +13,6 @@
 #include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 namespace usct::test {
-
-constexpr double kRadPerDeg = 0.017453292519943295;
 
 /// Images in a known relative pose.
 struct RegistrationCase {
@@ -97,7 +96,7 @@ inline Eigen::Isometry3d beside_truth(const RegistrationCase& images,
                                       const Eigen::Vector3d& rotation_vector_deg,
                                       const Eigen::Vector3d& translation_mm) {
   const Eigen::Translation3d to_middle(middle_us_mm(images));
-  return to_middle * rigid(kRadPerDeg * rotation_vector_deg, translation_mm) * to_middle.inverse() *
+  return to_middle * rigid(kDegree * rotation_vector_deg, translation_mm) * to_middle.inverse() *
          images.T_us_ct_true;
 }
 
@@ -128,7 +127,7 @@ inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isome
 /// The preset for phantoms with one round of search; `changes` as in a file of options.
 inline RegistrationOptions quick_options(const std::string& changes = "") {
   RegistrationOptions options = parse_registration_options("preset: phantom\n" + changes, "test");
-  options.rounds = 1;
+  options.search.rounds.most = 1;
   return options;
 }
 

@@ -45,6 +45,7 @@ TEST(Starts, BeginWithTheInitialPose) {
   for (const StartRegion region : {StartRegion::kBox, StartRegion::kBall}) {
     StartOptions options;
     options.region = region;
+    options.count = 256;
     const std::vector<PoseVector> starts = spread_starts(example_pose(), options);
     EXPECT_EQ(starts.size(), 256U);
     EXPECT_EQ(starts.front(), PoseVector::Zero());
@@ -54,7 +55,7 @@ TEST(Starts, BeginWithTheInitialPose) {
 }
 
 TEST(Starts, FillTheBoxEvenly) {
-  const std::vector<Motion> all = motions(example_pose(), StartOptions());
+  const std::vector<Motion> all = motions(example_pose(), {StartRegion::kBox, 256, 20.0 * kDegree, 20.0});
   for (int axis = 0; axis < 3; ++axis) {
     // Eighths of the width, 32 starts each if all were even; at random they would vary by 5.
     std::vector<int> by_rotation(8, 0);

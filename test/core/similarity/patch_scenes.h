@@ -7,7 +7,8 @@
 
 #include "core/geometry/random_geometry.h"
 #include "core/simulation/simple_scenes.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
+#include "similarity/backend.h"
+#include "us_ct_registration/similarity/catalogue.h"
 #include "us_ct_registration/volume/sampling.h"
 
 /// Scenes for the similarities of patches: CTs whose values are whole steps of a byte, so that
@@ -145,12 +146,17 @@ inline std::vector<Seen> all_of(const std::vector<std::vector<Seen>>& patches) {
 
 inline PatchOptions cubes(double edge_mm) { return {edge_mm, edge_mm, edge_mm, 0.5}; }
 
-inline std::shared_ptr<const Similarity> similarity_of(const BeamUltrasound& us,
-                                                       const Volume<float>& ct,
-                                                       const SimilarityOptions& options) {
-  return make_patch_similarity(
-      std::make_shared<const UltrasoundPatches>(cut_into_patches(us, options.patches)),
-      std::make_shared<const PackedCt>(ct, kWindow, kBackgroundHu), options);
+inline std::shared_ptr<const Similarity> similarity_of(
+    const BeamUltrasound& us, const Volume<float>& ct, const SimilarityOptions& options,
+    const SimilarityBackend& backend = simd_backend()) {
+  SimilarityImages images(std::make_shared<const BeamUltrasound>(us),
+                          pack_ct(ct, kWindow, kBackgroundHu), nullptr, true, backend);
+  return make_similarity(images, options);
+}
+
+inline SimilarityValue value_at(const Similarity& similarity, const Eigen::Isometry3d& T_ct_us,
+                                const AcquisitionErrors& errors = {}) {
+  return similarity.evaluate(SimilarityPose{T_ct_us, errors});
 }
 
 /// Turned and shifted; within +-`turn_rad` and +-`reach_mm`.
@@ -163,16 +169,25 @@ inline Eigen::Isometry3d random_small_pose(double turn_rad, double reach_mm) {
   return T;
 }
 
-/// All that are made of patches.
-inline const std::vector<SimilarityKind>& all_kinds() {
-  static const std::vector<SimilarityKind> kinds = {SimilarityKind::kLocalLc2,
-                                                    SimilarityKind::kGlobalLc2,
-                                                    SimilarityKind::kNcc,
-                                                    SimilarityKind::kMattesMi,
-                                                    SimilarityKind::kNmi,
-                                                    SimilarityKind::kCorrelationRatio,
-                                                    SimilarityKind::kJointCorrelationRatio};
-  return kinds;
+/// The default options of all metrics of patches.
+inline std::vector<SimilarityOptions> all_metrics() {
+  std::vector<SimilarityOptions> metrics;
+  for (const std::string& name : similarity_names()) {
+    const SimilarityOptions options = similarity_named(name, "test");
+    if (needs_of(options).patches) metrics.push_back(options);
+  }
+  return metrics;
+}
+
+inline PatchOptions& patches_of(SimilarityOptions& options) {
+  PatchOptions* found = nullptr;
+  std::visit(
+      [&](auto& metric) {
+        if constexpr (!std::is_same_v<std::decay_t<decltype(metric)>, SimulatedLc2Options>)
+          found = &metric.patches;
+      },
+      options);
+  return *found;
 }
 
 }  // namespace usct::test

@@ -16,7 +16,7 @@ struct Scene {
   PackedCt ct;
   PatchKernelInput input(const Eigen::Isometry3d& T_ct_us, const AcquisitionErrors& errors,
                          GradientChannel channel) const {
-    return kernel_input(us, ct, T_ct_us, errors, channel);
+    return kernel_input(us, ct, {T_ct_us, errors}, channel);
   }
 };
 

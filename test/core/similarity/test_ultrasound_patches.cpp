@@ -311,39 +311,40 @@ TEST(UltrasoundPatches, WithoutBeamsServeWhatNeedsNone) {
   const BeamUltrasound us = noisy_ultrasound(downward_beams(20, 9, 5));
   const auto ct = std::make_shared<const PackedCt>(
       wavy_ct(oblique_grid({30, 30, 30}, {1.0, 1.0, 1.0})), kWindow, kBackgroundHu);
-  SimilarityOptions options;
-  const auto made = [&](PatchContents contents) {
-    return make_patch_similarity(
-        std::make_shared<const UltrasoundPatches>(cut_into_patches(us, cubes(4.0), contents)), ct,
-        options);
+  LocalLc2Options options;
+  options.patches = cubes(4.0);
+  const auto made = [&](bool with_beams, const SimilarityBackend& backend) {
+    SimilarityImages images(std::make_shared<const BeamUltrasound>(us), ct, nullptr, with_beams,
+                            backend);
+    return make_similarity(images, options);
   };
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  const double value = made(PatchContents::kWithBeams)->evaluate(pose).value;
+  const double value = value_at(*made(true, simd_backend()), pose).value;
   EXPECT_GT(value, 0.0);
-  for (const bool scalar : {false, true}) {
-    options.scalar = scalar;
+  for (const SimilarityBackend* backend : {&simd_backend(), &scalar_backend()}) {
     options.channel = GradientChannel::kMagnitude;
-    const auto similarity = made(PatchContents::kPositions);
-    EXPECT_NEAR(similarity->evaluate(pose).value, value, 1e-6);
-    EXPECT_THROW(similarity->evaluate(pose, {0.01, 0.0}), InputError);
-    EXPECT_THROW(similarity->evaluate(pose, {0.0, 0.01}), InputError);
+    const auto similarity = made(false, *backend);
+    EXPECT_NEAR(value_at(*similarity, pose).value, value, 1e-6);
+    EXPECT_THROW(value_at(*similarity, pose, {0.01, 0.0}), InputError);
+    EXPECT_THROW(value_at(*similarity, pose, {0.0, 0.01}), InputError);
     options.channel = GradientChannel::kAlongBeam;
-    EXPECT_THROW(made(PatchContents::kPositions)->evaluate(pose), InputError);
+    EXPECT_THROW(value_at(*made(false, *backend), pose), InputError);
   }
 }
 
 TEST(UltrasoundPatches, AreJudgedWithTheSameBitsForAnyNumberOfThreads) {
-  SimilarityOptions options;
+  LocalLc2Options options;
   options.patches = cubes(3.0);
+  options.power = 2.0;
   const auto similarity =
       similarity_of(noisy_ultrasound(downward_beams(77, 64, 40)),
                     wavy_ct(oblique_grid({60, 60, 60}, {1.3, 1.3, 1.3})), options);
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   const int threads = omp_get_max_threads();
   omp_set_num_threads(1);
-  const SimilarityValue one = similarity->evaluate(pose);
+  const SimilarityValue one = value_at(*similarity, pose);
   omp_set_num_threads(3);
-  const SimilarityValue three = similarity->evaluate(pose);
+  const SimilarityValue three = value_at(*similarity, pose);
   omp_set_num_threads(threads);
   EXPECT_GT(one.overlap, 0.1);
   EXPECT_EQ(one.value, three.value);

@@ -11,13 +11,14 @@
 /// angles are in degrees. `none` is an option that is not set, `.inf` is infinite.
 ///
 /// A file either has every key, or begins with `preset: NAME` and then holds only what it changes.
-/// There `stages` is a list of whole stages that replaces those of the preset, or a map that
-/// changes some of them, numbered from 0: `stages: {1: {spacing_mm: 1.5}, 2: none}` changes one key
-/// of the second stage and leaves out the third.
+/// There `search.levels` is a list of whole levels that replaces those of the preset, or a map that
+/// changes some of them, numbered from 0: `levels: {1: {spacing_mm: 1.5}, 0: none}` changes one key
+/// of the second level and leaves out the first. A similarity whose `kind` changes needs all keys
+/// of the new kind.
 namespace usct {
 
-/// Throws InputError, naming file and path of the key (`stages[1].optimizer.initial_step`), for a
-/// key that is unknown, missing, given twice, of the wrong type, or out of range.
+/// Throws InputError, naming file and path of the key (`search.levels[1].optimizer.initial_step`),
+/// for a key that is unknown, missing, given twice, of the wrong type, or out of range.
 RegistrationOptions read_registration_options(const std::filesystem::path& path);
 
 /// The same from text; `source` names it in messages.

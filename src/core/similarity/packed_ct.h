@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 
-#include "us_ct_registration/similarity/large_pages.h"
+#include "similarity/large_pages.h"
 #include "us_ct_registration/volume/hu_window.h"
 #include "us_ct_registration/volume/volume.h"
 

@@ -6,40 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/similarity/large_pages.h"
+#include "similarity/large_pages.h"
+#include "us_ct_registration/similarity/patch_options.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 
 namespace usct {
-
-/// Which samples count: all, or every other one of each line, line and frame (a face-centred
-/// lattice), which takes half the time and averages less noise.
-enum class SampleSubset { kAll, kHalf };
-
-/// How ultrasound is cut into patches, each of which is explained by weights of its own.
-struct PatchOptions {
-  /// Edges, mm, along the beams, across lines and across frames; judged in the middle of the
-  /// depths, since beams diverge. Infinite: one patch along that axis.
-  double depth_mm = 4.0;
-  double lateral_mm = 4.0;
-  double elevation_mm = 4.0;
-  /// A patch counts if at least this share of its samples is known; (0, 1].
-  double least_share = 0.5;
-  SampleSubset samples = SampleSubset::kAll;
-
-  /// One patch: a global similarity.
-  static PatchOptions whole() {
-    const double infinite = std::numeric_limits<double>::infinity();
-    return {infinite, infinite, infinite, 1e-6, SampleSubset::kAll};
-  }
-  /// Throws InputError, naming `source`, the field, its value and the constraint.
-  void validate(const std::string& source = "patch options") const;
-
-  friend bool operator==(const PatchOptions& a, const PatchOptions& b) {
-    return a.depth_mm == b.depth_mm && a.lateral_mm == b.lateral_mm &&
-           a.elevation_mm == b.elevation_mm && a.least_share == b.least_share &&
-           a.samples == b.samples;
-  }
-};
 
 /// What is kept of each sample besides its value. Only GradientChannel::kAlongBeam and
 /// AcquisitionErrors other than zero need the beams, which take three quarters of the memory.

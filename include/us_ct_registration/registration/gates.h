@@ -1,0 +1,83 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// When a registration is believed: what is measured of it, and the limits that the measures must
+/// keep. A new gate is a member of Measures, a limit in GateLimits and a row of each table in
+/// gates.cpp.
+namespace usct {
+
+/// What was measured of a registration; what was not measured is absent.
+struct Measures {
+  /// Share of the ultrasound's samples that lie in the CT, in [0, 1].
+  std::optional<double> overlap;
+  /// Height of the best optimum's similarity above that of background poses, in their standard
+  /// deviations.
+  std::optional<double> significance;
+  /// How much lower the best rival's similarity is, as a share of that height.
+  std::optional<double> margin;
+  /// How far the refinement moved the best optimum of the search, mm (mean displacement of the
+  /// field of view).
+  std::optional<double> disagreement_mm;
+  /// How far the pose is from the initial one, mm, likewise.
+  std::optional<double> displacement_mm;
+  /// How far the parts of a second similarity pull the pose apart, mm (root mean square
+  /// displacement of the field of view).
+  std::optional<double> scatter_mm;
+  /// Root mean square displacement of the field of view that the covariance lets expect, mm.
+  std::optional<double> expected_error_mm;
+  /// What the refinement estimated, if asked to: AcquisitionErrors.
+  std::optional<double> depth_error;
+  std::optional<double> sweep_error;
+};
+
+/// A measure by its name, as files, messages and limits have it.
+struct MeasureField {
+  const char* name;
+  std::optional<double> Measures::*value;
+};
+const std::vector<MeasureField>& measure_fields();
+
+/// What was measured, by name.
+std::map<std::string, double> by_name(const Measures& measures);
+
+/// The inverse. Throws InputError, naming `source`, for a name that is no measure.
+Measures measures_from(const std::map<std::string, double>& values, const std::string& source);
+
+/// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails
+/// its gate.
+struct GateLimits {
+  std::optional<double> min_overlap = 0.2;       // [0, 1]
+  std::optional<double> min_significance = 8.0;  // any number
+  std::optional<double> min_margin = 0.1;        // [0, 1]
+  std::optional<double> max_disagreement_mm = 5.0;
+  std::optional<double> max_displacement_mm = 40.0;
+  std::optional<double> max_scatter_mm = 0.5;
+
+  /// Throws InputError, naming `source`, the field, its value and the constraint.
+  void validate(const std::string& source) const;
+};
+
+template <typename Fields>
+void describe(Fields& fields, GateLimits& o) {
+  fields("min_overlap", o.min_overlap);
+  fields("min_significance", o.min_significance);
+  fields("min_margin", o.min_margin);
+  fields("max_disagreement_mm", o.max_disagreement_mm);
+  fields("max_displacement_mm", o.max_displacement_mm);
+  fields("max_scatter_mm", o.max_scatter_mm);
+}
+
+/// The first gate that is failed, in words: what it means, the measure, its value and its limit.
+struct GateFailure {
+  bool no_overlap = false;
+  std::string message;
+};
+
+/// Judges the measures by the limits; empty if all gates are passed.
+std::optional<GateFailure> judge(const Measures& measures, const GateLimits& limits);
+
+}  // namespace usct

@@ -1,0 +1,34 @@
+#pragma once
+
+#include "registration/candidates.h"
+
+namespace usct::registration {
+
+/// Values of a similarity at poses where nothing fits: median, and the deviation of a normal
+/// distribution with the same upper decile (some poses fit a little, so that tails are long).
+struct Background {
+  double median = 0.0;
+  double deviation = 0.0;
+
+  /// Height of a value in deviations above the median.
+  double significance(double value) const {
+    return deviation > 0.0 ? (value - median) / deviation : 0.0;
+  }
+};
+
+/// Poses spread like the starts around the initial pose, the same for every similarity.
+class BackgroundPoses {
+ public:
+  BackgroundPoses(const Eigen::Isometry3d& T_us_ct_initial, const FieldPoints& field,
+                  const std::optional<StartOptions>& starts, const BackgroundOptions& options);
+
+  /// Without the poses near `best`, which may profit from it.
+  Background of(const Similarity& similarity, const Candidate& best, Run& run) const;
+
+ private:
+  const FieldPoints& field_;
+  double away_mm_;
+  std::vector<Candidate> poses_;
+};
+
+}  // namespace usct::registration
