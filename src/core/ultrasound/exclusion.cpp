@@ -24,7 +24,7 @@ constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-/// The median (the upper one of an even number). Reorders the values.
+/// Changes their order.
 template <typename Value>
 Value median(std::vector<Value>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
