@@ -2,8 +2,8 @@
 
 #include <vector>
 
-/// The core has angles in radians, files and people have them in degrees: this is the one
-/// conversion.
+/// The core holds angles in radians; files and user interfaces give them in degrees. All
+/// conversions between the two use this header.
 namespace usct {
 
 constexpr double kPi = 3.14159265358979323846;

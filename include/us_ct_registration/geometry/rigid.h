@@ -3,11 +3,11 @@
 #include <Eigen/Geometry>
 #include <string>
 
-/// Whether a matrix is a rotation, and a transform rigid: the one place that decides it.
+/// Tests for rotations and rigid transforms; the whole project uses these.
 namespace usct {
 
-/// How far each entry of MᵀM may be from the identity. It allows for the rounding of text files
-/// with about six digits, which moves a point of the kidney by micrometres.
+/// Tolerance on each entry of MᵀM - 1. It allows for the rounding of text files with about six
+/// digits, which moves a point of the kidney by micrometres.
 constexpr double kRotationTolerance = 1e-5;
 
 /// The largest entry of |MᵀM - 1|; infinite unless the matrix is finite and right-handed.

@@ -8,34 +8,35 @@
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 
-/// Prepares ultrasound for a metric: says which samples count, and takes out what the scanner's
-/// gain does to the others. The CT's part is HuWindow (volume/hu_window.h).
+/// Prepares ultrasound for a similarity: excludes samples that carry no information about the
+/// anatomy, and removes the effect of the scanner's gain from the others. HuWindow
+/// (volume/hu_window.h) prepares the CT.
 namespace usct {
 
-/// Why a sample does not count; bits.
+/// Reasons why a sample is excluded; bits.
 enum ExclusionReason : std::uint8_t {
-  kUnknown = 1,       // beside the fan
+  kUnknown = 1,       // its brightness is not known: it lies beside the fan
   kOutsideDepth = 2,  // not within the depths of interest: near field, skin line, standoff
-  kFarWall = 4,       // at or beyond the bright echo of whatever lies behind
+  kFarWall = 4,       // at or beyond the bright echo of a wall behind the organ
   kNoContact = 8,     // its line is dark or constant
   kSaturated = 16,    // at the top of the grey scale
   kShadow = 32,       // dark from here to the end of the line
-  kConstant = 64,     // what would count does not vary
+  kConstant = 64,     // the samples that would count do not vary
 };
-/// One bit as text.
+/// The name of one reason.
 std::string to_string(ExclusionReason reason);
 
-/// Which depths count.
+/// Depth range outside of which samples are excluded.
 struct DepthOptions {
-  /// Depths (mm along the line, from the array) between which samples count; unset: found, or the
-  /// first and last sample where `automatic` is off.
+  /// Least and greatest depth of samples that count, mm along the line from the array. Unset: found
+  /// automatically, or those of the first and last sample if `automatic` is off.
   std::optional<double> min_mm;
   std::optional<double> max_mm;
-  /// Find what is not given: see `condition`.
+  /// Whether unset depths and the far wall are found from the brightness; see `condition`.
   bool automatic = true;
-  /// The near field is at least this long, mm.
+  /// Least length of the near field, mm.
   double near_field_mm = 10.0;
-  /// ... and searched for to this depth, mm, and no further than a third of the line.
+  /// Depth to which the end of the near field is searched, mm; never more than a third of the line.
   double near_field_limit_mm = 30.0;
   /// Share of the beams that must meet a far wall for it to be believed, (0, 1]; unset: none is
   /// looked for.
@@ -45,19 +46,19 @@ struct DepthOptions {
 };
 
 enum class Normalisation {
-  kNone,     // smoothed grey values
+  kNone,     // no normalisation: smoothed grey values
   kFlatten,  // minus the local mean
   kZScore,   // minus the local mean, over the local standard deviation
 };
 
 struct ConditioningOptions {
   Normalisation normalisation = Normalisation::kZScore;
-  /// Standard deviation of the Gaussian that smooths speckle first, mm; 0: none.
+  /// Standard deviation of the Gaussian that smooths speckle first, mm; 0: no smoothing.
   double smoothing_mm = 1.0;
-  /// Standard deviation of the Gaussian window of local mean and standard deviation, mm.
+  /// Standard deviation of the Gaussian window for the local mean and standard deviation, mm.
   double window_mm = 8.0;
-  /// Added (squared) to the local variance, as a share of the standard deviation of all samples
-  /// that count: keeps noise in empty regions from being blown up.
+  /// Its square is added to the local variance, in units of the variance of all samples that count.
+  /// It keeps noise in empty regions from being amplified.
   double least_deviation = 0.1;
   DepthOptions depth;
   /// Grey value from which a sample is saturated, and does not count, > 0; unset: none is.
@@ -66,9 +67,9 @@ struct ConditioningOptions {
   /// over all beams), in each quarter of it; a shadow at each sample. Speckle is averaged first.
   double no_contact_share = 0.45;
   double shadow_share = 0.45;
-  /// ... judged only at depths where that usual grey value is at least this.
+  /// Contact and shadows are judged only at depths where the usual grey value is at least this.
   double visible_grey = 20.0;
-  /// Shorter shadows stay, mm.
+  /// Shadows shorter than this are not excluded, mm.
   double min_shadow_mm = 10.0;
 
   /// Throws InputError, naming `source`, the field, its value and the constraint.
@@ -78,36 +79,38 @@ struct ConditioningOptions {
 struct ConditionedUltrasound {
   int lines = 0;
   int frames = 0;
-  /// Grey values (kNone), or multiples of the standard deviation of all samples that count
-  /// (kFlatten), or of the local one (kZScore). 0 where a sample does not count.
+  /// Grey values (kNone), multiples of the standard deviation of all samples that count (kFlatten),
+  /// or multiples of the local standard deviation (kZScore). 0 where a sample is excluded.
   std::vector<float> samples;
-  /// ExclusionReason; 0 where a sample counts.
+  /// Bits of ExclusionReason; 0 where a sample counts.
   std::vector<std::uint8_t> reasons;
-  /// The depths that count (far wall apart), mm.
+  /// Depth range of the samples that count, mm; the far wall is not part of it.
   double min_depth_mm = 0.0;
   double max_depth_mm = 0.0;
-  /// Share of the beams cut at a far wall.
+  /// Share of the beams that end at a far wall.
   double far_wall_share = 0.0;
 
   std::size_t counting() const;
 };
 
-/// Masks and normalises. The same bits for any number of threads; does not depend on gain and
-/// offset of the ultrasound, as far as the grey thresholds for saturation and visibility allow.
+/// Excludes samples and normalises the rest. The result has the same bits for any number of
+/// threads. It does not depend on gain and offset of the ultrasound, except through the absolute
+/// grey thresholds for saturation and visibility.
 ///
-/// Depths, if automatic. *Near field*: the profile of mean brightness over depth is compared with
-/// its median over the middle half of the line; the near field ends behind the last depth (within
-/// near_field_limit_mm) where the profile is out of that by more than 3 robust standard deviations
-/// and 20 %. *Far wall*: per beam, in its deeper half, the first depth where brightness exceeds 1.5
-/// times the upper decile of the first two thirds of all beams (at most grey 180); then the median
-/// of that over neighbouring beams, so that single echoes do not count.
+/// Automatic depths. *Near field*: the profile of mean brightness over depth is compared with its
+/// median over the middle half of the line. The near field ends behind the last depth (within
+/// near_field_limit_mm) at which the profile differs from that median by more than 3 robust
+/// standard deviations and by more than 20 %. *Far wall*: for each beam, the first depth in its
+/// deeper half at which the brightness exceeds 1.5 times the upper decile of the first two thirds
+/// of all beams (or grey 180, if that is less). The median of this depth over neighbouring beams is
+/// taken, so that single echoes do not count.
 ///
-/// Windows are Gaussians in millimetres: along the samples, across lines by the distance of
-/// neighbouring lines at that depth (in the middle frame), and across frames likewise (on the
-/// middle line). Only samples that count enter.
+/// Windows are Gaussians in millimetres: along the samples, across lines, and across frames. The
+/// distance of neighbouring lines is taken at each depth in the middle frame, that of neighbouring
+/// frames on the middle line. Only samples that count enter.
 ///
 /// Throws InputError if the ultrasound or an option is invalid, or the depth range holds no sample.
-/// Ultrasound of which nothing counts is no error: `reasons` says why.
+/// If no sample counts, that is not an error, and `reasons` says why.
 ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
                                 const ConditioningOptions& options, const Progress& progress = {});
 

@@ -6,18 +6,19 @@
 
 namespace usct {
 
-/// Ultrasound with fewer samples, lines and frames: each is the mean of a block of what is known,
-/// and lies in the block's middle (the mean beam of the block). A block of which less than half is
-/// known is not known. What a last, incomplete block would hold is left out.
+/// Averages ultrasound over blocks of samples, lines and frames. Each value is the mean of the
+/// known samples of a block, and lies in the middle of the block, on its mean beam. A block is
+/// unknown if less than half of it is known. An incomplete last block is dropped.
 ///
-/// `factors`: samples, lines and frames per block, >= 1. Throws InputError if one is not, or is
-/// greater than what there is.
+/// `factors`: samples, lines and frames per block, >= 1. Throws InputError if one is not, or
+/// exceeds the number of samples, lines or frames.
 BeamUltrasound decimate(const BeamUltrasound& ultrasound, const Eigen::Vector3i& factors);
 
-/// Blocks whose edges come closest to `spacing_mm`, judged in the middle of the depths for lines
-/// (in the middle frame) and for frames (on the middle line); at least 1, and at most half of what
-/// there is so that an axis keeps two blocks. Throws InputError unless the spacing is finite and >
-/// 0.
+/// Sizes of blocks whose edges come closest to `spacing_mm`. The distance of neighbouring lines is
+/// taken in the middle of the depths in the middle frame, that of neighbouring frames in the middle
+/// of the depths on the middle line. Each size is at least 1, and at most half of the samples,
+/// lines or frames, so that every axis keeps two blocks. Throws InputError unless the spacing is
+/// finite and > 0.
 Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm);
 
 }  // namespace usct

@@ -9,7 +9,7 @@ namespace usct {
 
 enum class Interpolation { kNearest, kTrilinear };
 
-/// What a sample outside the volume is worth. There is no default: each caller decides.
+/// The value of a sample outside the volume. There is no default: each caller has to choose.
 ///
 /// The volume ends half a voxel beyond the centres of its outermost voxels; in that last half voxel
 /// trilinear sampling repeats the edge.
@@ -18,9 +18,9 @@ struct Outside {
   Kind kind;
   float constant_value;
 
-  /// Every sample outside is worth `value`.
+  /// Every sample outside has the value `value`.
   static Outside constant(float value) { return {Kind::kConstant, value}; }
-  /// A sample outside is worth the nearest voxel inside.
+  /// A sample outside has the value of the nearest voxel.
   static Outside edge() { return {Kind::kEdge, 0.0F}; }
 };
 

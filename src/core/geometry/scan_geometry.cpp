@@ -10,7 +10,8 @@
 namespace usct {
 namespace {
 
-/// Recorded poses are rounded more coarsely than a registration's result.
+/// Recorded poses are rounded more coarsely than the result of a registration, so their tolerance
+/// is wider.
 constexpr double kPoseTolerance = 1e-4;
 
 std::string in_degrees(double angle_rad) { return std::to_string(degrees(angle_rad)) + " degrees"; }
@@ -31,7 +32,7 @@ void validate_axial(const AxialSampling& axial, const std::string& source) {
                                  ", must be finite and >= 0");
 }
 
-/// Angles are tested by `extra_rad` on either side of the table.
+/// The angles beyond either end of the table by `extra_rad` are tested as well.
 void require_within_right_angle(const std::vector<double>& angles_rad, double extra_rad,
                                 const std::string& source, const std::string& field) {
   for (std::size_t i = 0; i < angles_rad.size(); ++i)
@@ -89,7 +90,7 @@ void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
   require_frame_times(sweep.frame_times_s, sweep.T_us_frame.size(), source, "frame_times_s");
 }
 
-/// Travel of the motor at a line, relative to the middle of its frame.
+/// Motor angle at a line minus the motor angle at the middle of its frame.
 double travel_at_line(double frame_travel_rad, int lines, double line) {
   return frame_travel_rad * ((line + 0.5) / lines - 0.5);
 }

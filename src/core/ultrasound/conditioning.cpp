@@ -11,10 +11,11 @@
 namespace usct {
 namespace {
 
-/// Deviation over mean below which what counts is constant but for rounding.
+/// Samples whose standard deviation is below this share of their mean are constant but for
+/// rounding.
 constexpr double kConstantShare = 1e-7;
 
-/// Mean and standard deviation of what counts.
+/// Mean and standard deviation of the samples that count.
 struct Statistics {
   double mean = 0.0;
   double deviation = 0.0;
@@ -36,7 +37,7 @@ Statistics statistics(const std::vector<float>& values, const std::vector<std::u
   return {mean, std::sqrt(squares / count)};
 }
 
-/// `values` become function(value, i) where samples count, 0 elsewhere.
+/// Returns function(value, i) where a sample counts, and 0 elsewhere.
 template <typename Function>
 std::vector<float> where_counting(const ConditionedUltrasound& us, std::vector<float> values,
                                   const Function& function) {

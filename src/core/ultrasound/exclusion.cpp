@@ -20,7 +20,7 @@ constexpr double kNearFieldChange = 0.2;
 constexpr double kWallRise = 1.5;
 constexpr double kSurelyWallGrey = 180.0;
 constexpr double kDarkShare = 0.9;
-constexpr int kWallNeighbours = 4;  // to either side, lines and frames
+constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
@@ -60,7 +60,8 @@ class Exclusion {
   }
   bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
 
-  /// Frame by frame: a beam is too little work for a thread to fetch.
+  /// Calls `body` for each beam, in parallel over frames, since one beam is too little work for a
+  /// task.
   template <typename Body>
   void for_beams(const Body& body) const {
     const int lines = us_.beams.lines;
@@ -69,7 +70,7 @@ class Exclusion {
     });
   }
 
-  /// Speckle averaged, over what is known.
+  /// Averages speckle over the known samples.
   void smooth() {
     std::vector<float> weight(soft_.size());
     parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
@@ -88,10 +89,10 @@ class Exclusion {
     });
   }
 
-  /// What is usual at a depth: the median over the beams that know it; not a number where none
-  /// does.
+  /// The usual grey value at each depth: the median over the beams whose value is known there, NaN
+  /// if there is none.
   std::vector<double> usual_grey() const {
-    constexpr int kAtOnce = 16;  // samples: what lies side by side in memory
+    constexpr int kAtOnce = 16;  // samples per task: about a cache line of each beam
     std::vector<double> result(static_cast<std::size_t>(samples_));
     parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
       const int first = part * kAtOnce;
@@ -112,7 +113,7 @@ class Exclusion {
     return result;
   }
 
-  /// Mean over the beams, likewise.
+  /// The mean grey value at each depth over the beams whose value is known there.
   std::vector<double> mean_grey() const {
     std::vector<double> sum(static_cast<std::size_t>(samples_));
     std::vector<double> count(sum.size());
@@ -164,7 +165,7 @@ class Exclusion {
     return end_mm;
   }
 
-  /// First sample at or beyond the wall per beam; `samples_` where there is none.
+  /// Finds, for each beam, the first sample at or beyond the far wall; `samples_` if there is none.
   void find_far_wall() {
     wall_.assign(static_cast<std::size_t>(beams_), samples_);
     const std::optional<double>& least_share = options_.depth.far_wall_share;
@@ -183,10 +184,10 @@ class Exclusion {
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
 
-  /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
-  /// that decile is already the wall's.
+  /// Grey value that only a far wall exceeds: tissue rarely exceeds its own upper decile by half.
+  /// The upper limit applies where that decile is itself the wall's.
   double wall_grey() const {
-    constexpr int kBeams = 2000;  // are enough
+    constexpr int kBeams = 2000;  // about as many as the decile is estimated from
     const int step = std::max(1, beams_ / kBeams);
     const int end = samples_ * 2 / 3;
     int first = 0;
@@ -229,7 +230,7 @@ class Exclusion {
     return median(values);
   }
 
-  /// What holds for all beams alike.
+  /// Finds the depths that are excluded, or too dark to judge, for all beams alike.
   void judge_depths() {
     usual_ = usual_grey();
     visible_.resize(usual_.size());
@@ -253,7 +254,7 @@ class Exclusion {
     return high - low <= kConstantGrey;
   }
 
-  /// Samples by which a beam is judged.
+  /// The samples by which contact and shadow of a beam are judged.
   std::vector<int> judged_of(int beam) const {
     std::vector<int> judged;
     judged.reserve(static_cast<std::size_t>(samples_));
@@ -262,7 +263,8 @@ class Exclusion {
     return judged;
   }
 
-  /// In every quarter of what is judged: behind a rib the first quarter still shows tissue.
+  /// Whether the beam is dark in every quarter of the judged samples. A beam that ends at a rib is
+  /// not: tissue in front of the rib is bright in the first quarter.
   bool is_dark(int beam, const std::vector<int>& judged) const {
     if (judged.size() < kParts) return false;
     for (std::size_t part = 0; part < kParts; ++part) {
@@ -278,8 +280,8 @@ class Exclusion {
     return true;
   }
 
-  /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
-  /// there is none.
+  /// The first sample of the dark end of a line, of which at least `kDarkShare` is dark (the rest
+  /// is noise); `samples_` if there is none.
   int shadow_start(int beam, const std::vector<int>& judged) const {
     int start = samples_;
     int shadow = 0;
@@ -326,11 +328,11 @@ class Exclusion {
   AxialSampling axial_;
   int samples_;
   int beams_;
-  std::vector<float> soft_;  // brightness with the speckle averaged
+  std::vector<float> soft_;  // brightness after averaging of speckle
   std::vector<int> wall_;
-  // Per depth:
+  // One entry per depth:
   std::vector<double> usual_;
-  std::vector<std::uint8_t> visible_;  // 0 where even what is usual is dark, or of no interest
+  std::vector<std::uint8_t> visible_;  // 0 where even the usual grey is dark, or outside_
   std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
 };
 

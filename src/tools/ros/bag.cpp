@@ -36,7 +36,7 @@ struct BagWriteCommand {
   std::string output;
 };
 
-/// One file for each sweep, one for all, or none.
+/// Throws InputError unless there is one file for each sweep, one for all, or none.
 void require_count(const char* option, std::size_t files, std::size_t sweeps) {
   if (files > 1 && files != sweeps)
     throw InputError(option, "is given " + std::to_string(files) + " times and --us " +
@@ -64,7 +64,8 @@ std::vector<BagAcquisition> read_acquisitions(const BagWriteCommand& command) {
   for (std::size_t i = 0; i < command.us.size(); ++i) {
     BagAcquisition acquisition;
     acquisition.us = read_beams(command.ultrasound.source(command.us[i]));
-    // The file maps points of the US frame, as all transform files here do.
+    // The file maps points of the US frame to the fixed frame, like all transform files of this
+    // project map from the US frame.
     if (const std::string* file = file_of(command.fixed_pose, i))
       acquisition.T_fixed_us = read_T_us_ct(*file).inverse();
     if (const std::string* file = file_of(command.truth, i))
