@@ -1,3 +1,6 @@
+# ITK's readers of images, to which tests hold ours. The core does not link them.
+find_package(ITK 5 REQUIRED COMPONENTS ITKIOImageBase ITKIOMeta ITKIONRRD ITKIONIFTI)
+
 # usct_add_gtest(NAME SOURCES...): with ROS through catkin, so that catkin_test_results sees it.
 function(usct_add_gtest name)
   if(USCT_CORE_ONLY)

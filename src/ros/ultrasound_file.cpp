@@ -23,7 +23,34 @@ namespace msg = us_ct_registration;
   return time_from_utc(volume.acquisition_time, source);
 }
 
+void read(Parameters& parameters, const char* key, std::filesystem::path& value) {
+  value = parameters.text(key, value.string());
+}
+void read(Parameters& parameters, const char* key, std::string& value) {
+  value = parameters.text(key, value);
+}
+void read(Parameters& parameters, const char* key, int& value) {
+  value = parameters.whole(key, value, 0);
+}
+void read(Parameters& parameters, const char* key, bool& value) {
+  value = parameters.flag(key, value);
+}
+void read(Parameters& parameters, const char* key, std::optional<Eigen::Vector2d>& value) {
+  const std::vector<double> numbers = parameters.numbers(key, 2);
+  if (!numbers.empty()) value = Eigen::Vector2d(numbers[0], numbers[1]);
+}
+
 }  // namespace
+
+UltrasoundSource read_ultrasound_source(Parameters& parameters) {
+  UltrasoundSource source;
+  source.path = parameters.text("path", "");
+  for (const UltrasoundOption& option : ultrasound_options())
+    std::visit([&](const auto field) { read(parameters, option.name, source.*field); },
+               option.field);
+  source.validate();
+  return source;
+}
 
 ::ros::Time time_from_utc(const std::string& text, const std::string& source) {
   std::tm date{};

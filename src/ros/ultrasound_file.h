@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/parameters.h"
 #include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 
 namespace usct::ros_interface {
@@ -13,6 +14,10 @@ namespace usct::ros_interface {
 /// Seconds since the epoch of an ISO 8601 time in UTC, `YYYY-MM-DDThh:mm:ss[.fraction]Z`. Throws
 /// InputError, naming `source`, for anything else and for years outside 1970-2105.
 ::ros::Time time_from_utc(const std::string& text, const std::string& source);
+
+/// The file and its options, from the parameters `path` and those of the table of options
+/// (ultrasound_source.h). Throws InputError as Parameters, and if options contradict each other.
+UltrasoundSource read_ultrasound_source(Parameters& parameters);
 
 /// What volumes from files are stamped with.
 enum class FileStamp {

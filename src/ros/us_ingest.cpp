@@ -30,23 +30,7 @@ std::string seconds(double value) {
 }  // namespace
 
 void UsIngest::read_file_options(Parameters& parameters, Options& options) {
-  UltrasoundSource& us = options.ultrasound;
-  us.path = parameters.text("path", "");
-  us.probe = parameters.text("probe", "");
-  us.calibration = parameters.text("calibration", "");
-  us.from = parameters.text("from", us.from);
-  us.to = parameters.text("to", us.to);
-  us.skip_invalid_frames = parameters.flag("skip_invalid_frames", false);
-  us.sweep = parameters.whole("sweep", 0, 0);
-  us.frames_per_sweep = parameters.whole("frames_per_sweep", 0, 0);
-  us.first_backward = parameters.flag("first_backward", false);
-  us.samples = parameters.whole("samples", 0, 0);
-  const std::vector<double> origin = parameters.numbers("image_origin_px", 2);
-  const std::vector<double> spacing = parameters.numbers("image_spacing_mm", 2);
-  if (origin.empty() != spacing.empty())
-    throw InputError("us_ingest", "image_origin_px and image_spacing_mm must be given together");
-  if (!origin.empty())
-    us.placement = ImagePlacement{{origin[0], origin[1]}, {spacing[0], spacing[1]}};
+  options.ultrasound = read_ultrasound_source(parameters);
   options.frame_id = parameters.text("frame_id", "us");
   options.file_stamp =
       parameters.choice("file_stamp", "acquisition", {"acquisition", "reading"}) == "reading"
