@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "random_geometry.h"
+#include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/compounding.h"
 

@@ -2,7 +2,7 @@
 #include <omp.h>
 #include <rapidcheck/gtest.h>
 
-#include "random_geometry.h"
+#include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
 
