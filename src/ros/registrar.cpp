@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/registration_result.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/options/registration_options_io.h"

@@ -23,4 +23,11 @@ void require_rotation(const Eigen::Matrix3d& matrix, const std::string& source,
 void require_rigid(const Eigen::Isometry3d& T, const std::string& source,
                    double tolerance = kRotationTolerance);
 
+/// The rigid transform of a quaternion and a translation. Throws InputError, naming `source`,
+/// unless the translation is finite and the quaternion has length 1 within 1e-3: a quaternion that
+/// nobody set is all zero, which is no rotation.
+Eigen::Isometry3d rigid_from_quaternion(const Eigen::Quaterniond& rotation,
+                                        const Eigen::Vector3d& translation,
+                                        const std::string& source);
+
 }  // namespace usct

@@ -2,8 +2,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "ros/acquisition_bag.h"
-#include "ros/conversions.h"
+#include "ros/bags/acquisition_bag.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
 #include "tools/program.h"

@@ -55,7 +55,8 @@ TEST(Starts, BeginWithTheInitialPose) {
 }
 
 TEST(Starts, FillTheBoxEvenly) {
-  const std::vector<Motion> all = motions(example_pose(), {StartRegion::kBox, 256, 20.0 * kDegree, 20.0});
+  const std::vector<Motion> all =
+      motions(example_pose(), {StartRegion::kBox, 256, 20.0 * kDegree, 20.0});
   for (int axis = 0; axis < 3; ++axis) {
     // Eighths of the width, 32 starts each if all were even; at random they would vary by 5.
     std::vector<int> by_rotation(8, 0);

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
 

@@ -4,7 +4,9 @@
 
 #include <boost/make_shared.hpp>
 
-#include "ros/conversions.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
 #include "ros/held_volumes.h"
 
 namespace usct::ros_interface {
