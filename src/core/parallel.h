@@ -14,7 +14,7 @@
 
 namespace usct {
 
-/// What bodies that run side by side throw: the first is kept, and later bodies do not run.
+/// Keeps the first exception of bodies that run in parallel, after which further bodies do not run.
 class FirstFailure {
  public:
   template <typename Body>
@@ -39,9 +39,9 @@ class FirstFailure {
   std::mutex failing_;
 };
 
-/// Runs `body(i)` for i in [0, count), on the threads of OpenMP. The order is not fixed, so bodies
-/// must write to places of their own; then the result does not depend on the number of threads.
-/// The first exception of a body (or of `progress`) ends the loop early and is thrown here.
+/// Runs `body(i)` for i in [0, count), on the threads of OpenMP. The order is not fixed: if each
+/// body writes only to places of its own, the result does not depend on the number of threads. The
+/// first exception of a body (or of `progress`) ends the loop early and is thrown here.
 template <typename Body>
 void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   FirstFailure failure;

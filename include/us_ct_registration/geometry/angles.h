@@ -2,8 +2,7 @@
 
 #include <vector>
 
-/// The core has angles in radians, files and people have them in degrees: this is the one
-/// conversion.
+/// The conversion between the radians of the core and the degrees of files and people.
 namespace usct {
 
 constexpr double kPi = 3.14159265358979323846;

@@ -16,7 +16,7 @@ struct Beam {
   Eigen::Vector3d direction;  // unit length
 };
 
-/// The one description of ultrasound that simulation and registration see, whatever the probe:
+/// The geometry of ultrasound as simulation and registration see it, the same for all probes:
 /// straight beams with evenly spaced samples.
 struct BeamGrid {
   AxialSampling axial;

@@ -42,7 +42,7 @@ struct MotorCalibrationOptions {
   void validate(const std::string& source) const;
 };
 
-/// What the wires say of one frame.
+/// The angle of one frame as measured by the wires.
 struct SliceAngle {
   enum class Status {
     kMeasured,   // h > d: angle by eq 3.1

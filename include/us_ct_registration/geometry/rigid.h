@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <string>
 
-/// Whether a matrix is a rotation, and a transform rigid: the one place that decides it.
+/// Checks of rotations and rigid transforms; all of the project uses these.
 namespace usct {
 
 /// How far each entry of MᵀM may be from the identity. It allows for the rounding of text files

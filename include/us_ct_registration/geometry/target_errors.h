@@ -4,8 +4,9 @@
 #include <string>
 #include <vector>
 
-/// Target registration error (TRE): how far a registration puts what the surgeon aims at from where
-/// it is. Not to be confused with residuals of landmarks, which say little about targets.
+/// Target registration error (TRE): the distance between the true position of a target, such as a
+/// tumour, and its position by the registration. Residuals of landmarks are another thing: they say
+/// little about targets.
 namespace usct {
 
 /// In mm.
@@ -25,7 +26,7 @@ TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
                               const Eigen::Isometry3d& T_us_ct_true,
                               const std::vector<Eigen::Vector3d>& points_us_mm);
 
-/// What a covariance lets expect of the TRE: root mean squares, in mm.
+/// The TRE that is expected for a covariance: root mean squares, in mm.
 struct ExpectedTargetErrors {
   /// Over all targets.
   double rms_mm = 0.0;

@@ -10,16 +10,17 @@
 
 namespace usct {
 
-/// Ultrasound along its beams, whatever it was recorded as; samples x lines x frames, samples
-/// fastest.
+/// Ultrasound along its beams, the same for every kind of recording: samples x lines x frames
+/// values, samples fastest.
 struct BeamUltrasound {
   BeamGrid beams;
   /// Grey values.
   std::vector<float> brightness;
-  /// 0 where nothing is known (beside the fan); empty if all of it is.
+  /// Per sample: 0 where the brightness is unknown (beside the fan). Empty if all samples are
+  /// known.
   std::vector<std::uint8_t> known;
 
-  /// Throws InputError, naming `source`, unless the sizes agree and what is known is finite.
+  /// Throws InputError, naming `source`, unless the sizes agree and known samples are finite.
   void validate(const std::string& source = "ultrasound") const;
 };
 

@@ -6,18 +6,19 @@
 
 namespace usct {
 
-/// Ultrasound with fewer samples, lines and frames: each is the mean of a block of what is known,
-/// and lies in the block's middle (the mean beam of the block). A block of which less than half is
-/// known is not known. What a last, incomplete block would hold is left out.
+/// Ultrasound with fewer samples, lines and frames: each new sample is the mean of the known
+/// samples of a block and lies in the middle of the block (on the mean beam of the block). A block
+/// of which less than half is known is unknown. An incomplete block at the end of an axis is left
+/// out.
 ///
-/// `factors`: samples, lines and frames per block, >= 1. Throws InputError if one is not, or is
-/// greater than what there is.
+/// `factors` are the samples, lines and frames per block. Throws InputError if a factor is < 1 or
+/// greater than the size of its axis.
 BeamUltrasound decimate(const BeamUltrasound& ultrasound, const Eigen::Vector3i& factors);
 
-/// Blocks whose edges come closest to `spacing_mm`, judged in the middle of the depths for lines
-/// (in the middle frame) and for frames (on the middle line); at least 1, and at most half of what
-/// there is so that an axis keeps two blocks. Throws InputError unless the spacing is finite and >
-/// 0.
+/// The factors whose blocks have edges closest to `spacing_mm`. The spacing of lines is measured in
+/// the middle frame and that of frames on the middle line, both at the middle depth. Factors are at
+/// least 1, and at most half of the size, so that each axis keeps two blocks. Throws InputError
+/// unless the spacing is finite and > 0.
 Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm);
 
 }  // namespace usct

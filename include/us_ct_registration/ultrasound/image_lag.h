@@ -7,25 +7,25 @@
 #include <vector>
 
 #include "us_ct_registration/geometry/scan_geometry.h"
-#include "us_ct_registration/ultrasound/compounding.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/ultrasound/tracked_images.h"
 
-/// Time before space: images and poses of a tracked probe come by different ways, and images come
-/// later. With an image lag L the image stamped t shows what the probe saw at t - L (L < 0: poses
-/// come later). Uncorrected, every frame lies where the probe was going, and a registration
-/// follows.
+/// Images and poses of a tracked probe reach the computer by different ways, and images usually
+/// arrive later. With an image lag L the image stamped t shows what the probe saw at t - L (L < 0:
+/// poses arrive later). If the lag is not corrected, every frame is placed ahead of its true place
+/// along the motion of the probe, and the registration is off by as much.
 namespace usct {
 
-/// The pose at a time, from the two around it: translation linear, rotation by slerp. Empty outside
-/// the recorded times. `sweep` must be valid and have times.
+/// The pose at a time, interpolated between the two poses around it: the translation linearly, the
+/// rotation by slerp. Empty outside the recorded times. `sweep` must be valid and have times.
 std::optional<Eigen::Isometry3d> pose_at(const TrackedSweep& sweep, double time_s);
 
 /// A sweep after the correction of its lag.
 struct LagCorrected {
-  /// Each frame's pose at its time minus the lag, and those times.
+  /// The frames that are left, each with the pose at its time minus the lag, and with that time.
   TrackedSweep sweep;
-  /// Which frames these are: those at one end, whose time minus the lag is outside the recorded
-  /// times, are left out.
+  /// The index of each of these frames in the sweep before. Frames at one end, whose time minus the
+  /// lag is outside the recorded times, are left out.
   std::vector<int> frames;
 };
 
@@ -33,26 +33,27 @@ struct LagCorrected {
 /// finite, or no frame is left.
 LagCorrected correct_image_lag(const TrackedSweep& sweep, double lag_s, const std::string& source);
 
-/// What images and poses of one sweep say of the lag.
+/// The lag as estimated from the images and poses of one sweep.
 struct LagEstimate {
   /// Whether `lag_s` can be relied upon; otherwise `message` says why not.
   bool determined = false;
   std::string message;
 
   double lag_s = 0.0;
-  /// Standard deviation and central 95 % over resampled sweeps.
+  /// Standard deviation of the lag, and its central 95 % interval, over resampled sweeps.
   double standard_error_s = 0.0;
   std::pair<double, double> interval_s{0.0, 0.0};
-  /// Between image change and probe speed: at the lag, and at the next best shift beside that peak
+  /// The correlation of image change and probe speed, at the lag, and at the highest peak elsewhere
   /// (-1 if there is no other peak).
   double correlation = 0.0;
   double next_correlation = -1.0;
-  /// Height of the correlation in standard deviations of what unrelated signals of the same
-  /// smoothness would show.
+  /// The correlation in standard deviations of the correlation between unrelated signals of the
+  /// same smoothness.
   double significance = 0.0;
   /// Standard deviation over mean of the probe's speed.
   double speed_variation = 0.0;
-  /// Pairs of consecutive frames that were compared, and images that equal the one before.
+  /// The number of pairs of consecutive frames that were compared, and of images that equal the
+  /// image before.
   int pairs = 0;
   int repeated_images = 0;
 };
@@ -72,7 +73,7 @@ struct LagEstimate {
 /// Deterministic. Throws InputError if the volume is invalid, motorised or without frame times.
 LagEstimate estimate_lag(const PreScanVolume& volume);
 
-/// The same from B-mode images; where they show no ultrasound does not count.
+/// The same from B-mode images; pixels that show no ultrasound are ignored.
 LagEstimate estimate_lag(const TrackedImages& images);
 
 }  // namespace usct

@@ -11,14 +11,14 @@
 
 namespace usct {
 
-/// Ultrasound on a Cartesian grid in the US frame, and where it is known (255) or not (0, with
-/// brightness 0).
+/// Ultrasound on a Cartesian grid in the US frame. The mask is 255 where the ultrasound is known
+/// and 0 elsewhere, where the brightness is 0.
 struct ScanConverted {
   UsVolume volume;
   MaskVolume mask;
 };
 
-/// The smallest axis-aligned isotropic grid, in the US frame, that covers what was acquired: all
+/// The smallest axis-aligned isotropic grid, in the US frame, that covers the acquisition: all
 /// beams, with the half sample, half line and half frame that scan conversion fills around them (a
 /// tracked sweep has no half frames). Throws InputError if the geometry or spacing is invalid.
 Grid fan_grid(const ScanGeometry& geometry, double spacing_mm);
@@ -28,9 +28,9 @@ Grid fan_grid(const ScanGeometry& geometry, double spacing_mm);
 ///
 /// A sample stands for half a sample, half a line and half a frame around itself; voxels in that
 /// range are in the mask, and beyond the centres of the outermost samples the edge is repeated.
-/// Nothing else is extrapolated. The grid may have any orientation; rows along the x axis of the US
-/// frame are faster. Throws InputError if the volume or grid is invalid or the sweep is a tracked
-/// one (see compounding.h).
+/// There is no other extrapolation. The grid may have any orientation; rows along the x axis of the
+/// US frame are faster. Throws InputError if the volume or grid is invalid or the sweep is a
+/// tracked one (see compounding.h).
 ScanConverted scan_convert(const PreScanVolume& prescan, const Grid& grid,
                            Interpolation interpolation, const Progress& progress = {});
 

@@ -10,7 +10,8 @@
 
 namespace usct {
 
-/// Pre-scan beams; B-mode images whose beams are not known; or a Cartesian volume.
+/// Ultrasound as recorded: pre-scan beams, B-mode images whose beams are unknown, or a Cartesian
+/// volume.
 using Ultrasound = std::variant<PreScanVolume, TrackedImages, UsVolume>;
 
 /// The ultrasound on a Cartesian grid of isotropic `spacing_mm` in the US frame: scan-converted or

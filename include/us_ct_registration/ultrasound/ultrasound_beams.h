@@ -6,7 +6,7 @@
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/ultrasound/ultrasound.h"
 
-/// The one way from ultrasound of any kind to the beams that simulation and registration see.
+/// Turns ultrasound of any kind into the beams that simulation and registration work on.
 namespace usct {
 
 struct BeamOptions {
@@ -15,17 +15,18 @@ struct BeamOptions {
   /// Cartesian volume stays as it is.
   std::optional<double> parallel_beams_mm;
   CompoundOptions compounding;
-  /// The way of the beams in a Cartesian volume, or in what scan conversion makes.
+  /// The direction of parallel beams in a Cartesian volume, recorded or scan-converted.
   BeamAxis axis;
-  /// Where a Cartesian volume is known (not 0), on its grid; no voxels: everywhere.
+  /// Not 0 where a Cartesian volume is known, on the grid of that volume. Without voxels the volume
+  /// is known everywhere.
   MaskVolume mask;
 };
 
 struct UltrasoundBeams {
   BeamUltrasound along;
-  /// Whose beams they are; unset if they are parallel.
+  /// The geometry of the true beams; unset if the beams are parallel.
   std::optional<ScanGeometry> geometry;
-  /// The volume that parallel beams run through.
+  /// The grid of the volume that parallel beams run through; unset for true beams.
   std::optional<Grid> grid;
 };
 

@@ -6,8 +6,8 @@
 
 namespace usct {
 
-/// CT values that a metric looks at. Beyond it are air, bone and metal, whose steps of hundreds of
-/// HU would outweigh all soft tissue.
+/// The range of CT values that a metric distinguishes. Air, bone and metal lie outside of it: their
+/// edges of hundreds of HU would outweigh all soft tissue.
 struct HuWindow {
   double low_hu = -150.0;
   double high_hu = 400.0;

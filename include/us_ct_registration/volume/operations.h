@@ -17,11 +17,12 @@ struct Region {
   Eigen::Vector3i size = Eigen::Vector3i::Zero();
 };
 
-/// All of a grid.
+/// The region that holds all voxels of a grid.
 Region whole(const Grid& grid);
 
 /// The smallest region of `grid` that holds all the points (physical, mm) with `margin_mm` around
-/// them, clipped to the grid. Its size is zero where nothing of that lies in the grid.
+/// them, clipped to the grid. Its size is zero if all of this lies
+/// outside the grid.
 Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& points_mm,
                      double margin_mm);
 
@@ -46,8 +47,8 @@ Volume<float> smooth_gaussian(const Volume<T>& volume, const Eigen::Vector3d& si
 /// Smaller by whole factors per axis: each voxel of the result is at the centre of a block of
 /// `factors` voxels of `region`, smoothed with sigma = 0.5 * factor voxels (no smoothing for factor
 /// 1) and read at the block's centre. Smoothing and decimation are one pass per axis (polyphase):
-/// what is thrown away is not computed. Throws InputError if a factor is < 1 or > the region's
-/// size.
+/// values that decimation would drop are not computed. Throws InputError if a factor is < 1 or >
+/// the region's size.
 template <typename T>
 Volume<float> shrink(const Volume<T>& volume, const Eigen::Vector3i& factors, const Region& region);
 
@@ -57,8 +58,8 @@ std::vector<Volume<float>> pyramid(const Volume<T>& volume,
                                    const std::vector<Eigen::Vector3i>& factors,
                                    const Region& region);
 
-/// Same values at the same physical positions with axes as close to the identity as permuting and
-/// flipping can bring them.
+/// The same values at the same physical positions, with axes permuted and flipped so that they are
+/// as close to the identity as possible.
 template <typename T>
 Volume<T> reorient_to_axes(const Volume<T>& volume);
 

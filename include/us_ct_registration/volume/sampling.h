@@ -9,7 +9,7 @@ namespace usct {
 
 enum class Interpolation { kNearest, kTrilinear };
 
-/// What a sample outside the volume is worth. There is no default: each caller decides.
+/// The value of a sample outside the volume. There is no default: each caller decides.
 ///
 /// The volume ends half a voxel beyond the centres of its outermost voxels; in that last half voxel
 /// trilinear sampling repeats the edge.
@@ -18,13 +18,13 @@ struct Outside {
   Kind kind;
   float constant_value;
 
-  /// Every sample outside is worth `value`.
+  /// Every sample outside has this value.
   static Outside constant(float value) { return {Kind::kConstant, value}; }
-  /// A sample outside is worth the nearest voxel inside.
+  /// A sample outside has the value of the nearest voxel.
   static Outside edge() { return {Kind::kEdge, 0.0F}; }
 };
 
-/// Whether a continuous index lies in the volume (voxels counted with their full extent).
+/// Whether a continuous index lies in the volume, to which voxels belong with their full extent.
 inline bool contains_index(const Grid& grid, const Eigen::Vector3d& index) {
   return (index.array() >= -0.5).all() &&
          (index.array() < grid.size.cast<double>().array() - 0.5).all();

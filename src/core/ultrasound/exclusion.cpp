@@ -8,7 +8,6 @@
 #include "parallel.h"
 #include "require.h"
 #include "ultrasound/gaussian_sums.h"
-#include "ultrasound/selection.h"
 
 namespace usct {
 namespace {
@@ -24,12 +23,18 @@ constexpr int kWallNeighbours = 4;  // to either side, lines and frames
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-/// Changes their order.
+/// The value that `n` others come before in order; reorders the values.
+template <typename Value>
+Value nth_value(std::vector<Value>& values, std::size_t n) {
+  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(n);
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
+/// Reorders the values.
 template <typename Value>
 Value median(std::vector<Value>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return nth_value(values, values.size() / 2);
 }
 
 class Exclusion {
@@ -60,7 +65,8 @@ class Exclusion {
   }
   bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
 
-  /// Frame by frame: a beam is too little work for a thread to fetch.
+  /// Runs `body` for each beam. A task is a frame, since one beam is less work than fetching a
+  /// task.
   template <typename Body>
   void for_beams(const Body& body) const {
     const int lines = us_.beams.lines;
@@ -69,7 +75,7 @@ class Exclusion {
     });
   }
 
-  /// Speckle averaged, over what is known.
+  /// Averages speckle over the known samples.
   void smooth() {
     std::vector<float> weight(soft_.size());
     parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
@@ -88,10 +94,10 @@ class Exclusion {
     });
   }
 
-  /// What is usual at a depth: the median over the beams that know it; not a number where none
-  /// does.
+  /// The usual grey value at each depth: the median over the beams whose sample there is known; NaN
+  /// where there is none.
   std::vector<double> usual_grey() const {
-    constexpr int kAtOnce = 16;  // samples: what lies side by side in memory
+    constexpr int kAtOnce = 16;  // samples, which share cache lines
     std::vector<double> result(static_cast<std::size_t>(samples_));
     parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
       const int first = part * kAtOnce;
@@ -104,15 +110,14 @@ class Exclusion {
             values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
       for (int s = first; s < last; ++s) {
         std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
-        result[static_cast<std::size_t>(s)] = column.empty()
-                                                  ? std::numeric_limits<double>::quiet_NaN()
-                                                  : nth_value(column, column.size() / 2);
+        result[static_cast<std::size_t>(s)] =
+            column.empty() ? std::numeric_limits<double>::quiet_NaN() : median(column);
       }
     });
     return result;
   }
 
-  /// Mean over the beams, likewise.
+  /// The mean grey value at each depth, likewise.
   std::vector<double> mean_grey() const {
     std::vector<double> sum(static_cast<std::size_t>(samples_));
     std::vector<double> count(sum.size());
@@ -164,7 +169,7 @@ class Exclusion {
     return end_mm;
   }
 
-  /// First sample at or beyond the wall per beam; `samples_` where there is none.
+  /// Finds the first sample at or beyond the wall on each beam; `samples_` where there is no wall.
   void find_far_wall() {
     wall_.assign(static_cast<std::size_t>(beams_), samples_);
     if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
@@ -183,10 +188,10 @@ class Exclusion {
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
 
-  /// Brightness that only a wall has: tissue rarely exceeds its own upper decile by half, unless
-  /// that decile is already the wall's.
+  /// The grey value above which an echo is one of a wall: tissue is rarely brighter than 1.5 times
+  /// its upper decile. The limit is capped, for that decile may already be the wall's.
   double wall_grey() const {
-    constexpr int kBeams = 2000;  // are enough
+    constexpr int kBeams = 2000;  // enough for a decile
     const int step = std::max(1, beams_ / kBeams);
     const int end = samples_ * 2 / 3;
     int first = 0;
@@ -229,7 +234,7 @@ class Exclusion {
     return median(values);
   }
 
-  /// What holds for all beams alike.
+  /// Finds the properties of each depth, which are the same for all beams.
   void judge_depths() {
     usual_ = usual_grey();
     visible_.resize(usual_.size());
@@ -253,7 +258,7 @@ class Exclusion {
     return high - low <= kConstantGrey;
   }
 
-  /// Samples by which a beam is judged.
+  /// The samples by which contact and shadow of a beam are judged.
   std::vector<int> judged_of(int beam) const {
     std::vector<int> judged;
     judged.reserve(static_cast<std::size_t>(samples_));
@@ -262,7 +267,8 @@ class Exclusion {
     return judged;
   }
 
-  /// In every quarter of what is judged: behind a rib the first quarter still shows tissue.
+  /// Whether every quarter of the judged samples is dark. Behind a rib the first quarter still
+  /// shows tissue, so that a shadow is not taken for lost contact.
   bool is_dark(int beam, const std::vector<int>& judged) const {
     if (judged.size() < kParts) return false;
     for (std::size_t part = 0; part < kParts; ++part) {
@@ -278,8 +284,8 @@ class Exclusion {
     return true;
   }
 
-  /// The first sample of the dark end of a line, in which little but noise is bright; `samples_` if
-  /// there is none.
+  /// The first sample of the longest dark end of a line: one in which at most a tenth of the judged
+  /// samples, noise, is bright. `samples_` if there is none.
   int shadow_start(int beam, const std::vector<int>& judged) const {
     int start = samples_;
     int shadow = 0;
@@ -328,7 +334,7 @@ class Exclusion {
   std::vector<int> wall_;
   // Per depth:
   std::vector<double> usual_;
-  std::vector<std::uint8_t> visible_;  // 0 where even what is usual is dark, or of no interest
+  std::vector<std::uint8_t> visible_;  // 0 where the usual grey value is dark, or out of depth
   std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
 };
 

@@ -5,13 +5,13 @@
 #include <iterator>
 
 #include "parallel.h"
-#include "ultrasound/row_sums.h"
+#include "volume/combine_rows.h"
 
 namespace usct {
 namespace {
 
 constexpr double kReach = 3.0;  // in standard deviations
-/// The largest blocks, in standard deviations.
+/// The largest size of a block, in standard deviations of the window.
 constexpr double kLargestBlock = 0.8;
 
 int block_size(double widest_mm, double sigma_mm) {
@@ -19,14 +19,14 @@ int block_size(double widest_mm, double sigma_mm) {
   return static_cast<int>(std::clamp(kLargestBlock * sigma_mm / widest_mm, 1.0, 64.0));
 }
 
-/// Variance of a window between blocks `block_mm` apart: a box of that width has a twelfth of its
-/// square, and linear interpolation a sixth.
+/// The variance of the window to apply to blocks `block_mm` apart. Summing in boxes of that width
+/// adds a twelfth of its square to the variance, and linear interpolation adds a sixth.
 double variance_mm2(double sigma_mm, double block_mm, int block_size) {
   const double widened = block_size == 1 ? 0.0 : 0.25 * block_mm * block_mm;
   return sigma_mm * sigma_mm - widened;
 }
 
-/// Path lengths along rows of points, at each of them.
+/// The length of the path along the points of the rows, at each row.
 template <typename PointAt>
 std::vector<double> path_mm(int rows, const PointAt& point_at) {
   std::vector<double> path{0.0};
@@ -35,7 +35,7 @@ std::vector<double> path_mm(int rows, const PointAt& point_at) {
   return path;
 }
 
-/// Between the entries of a table, and on beyond its ends.
+/// Interpolates a table linearly, and extrapolates it beyond its ends.
 double interpolated_at(const std::vector<double>& table, double at) {
   if (table.size() < 2) return 0.0;
   const auto last = static_cast<double>(table.size() - 2);
@@ -97,7 +97,7 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   const auto count = static_cast<std::size_t>(rows.blocks());
   const auto samples = static_cast<std::size_t>(samples_.blocks());
   std::vector<float> position_mm(samples * count);  // rows fastest
-  std::vector<float> factor(samples);               // of squared distances
+  std::vector<float> factor(samples);               // of the squared distance in the exponent
   parallel_for_alike(samples_.blocks(), [&](int sample_block) {
     const auto s = static_cast<std::size_t>(sample_block);
     const double sample = samples_.middle(sample_block);
@@ -127,7 +127,7 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   Taps taps(count);
   parallel_for_alike(static_cast<int>(count), [&](int row) {
     const auto to = static_cast<std::size_t>(row);
-    // Positions are in the order of rows: beyond one that adds nothing, none does.
+    // Positions rise with the rows: beyond a row that is too far away, all are.
     std::size_t first = to;
     std::vector<Tap> before;
     while (first-- > 0 && add_tap(first, to, before)) continue;
@@ -193,14 +193,14 @@ void GaussianSums::sum_within_frames(std::vector<float>& values) const {
       rows.push_back({weights[i].data(), padded.data() + i});
     for (std::size_t line = 0; line < line_taps_.size(); ++line) {
       std::copy_n(values.data() + start + line * row, row, padded.data() + reach);
-      sum_rows(rows.data(), rows.size(), row, along.data() + line * row);
+      combine_rows(rows.data(), rows.size(), row, along.data() + line * row);
     }
     for (std::size_t line = 0; line < line_taps_.size(); ++line) {
       rows.clear();
       for (const Tap& tap : line_taps_[line])
         rows.push_back(
             {tap.weights.data(), along.data() + static_cast<std::size_t>(tap.row) * row});
-      sum_rows(rows.data(), rows.size(), row, values.data() + start + line * row);
+      combine_rows(rows.data(), rows.size(), row, values.data() + start + line * row);
     }
   });
 }
@@ -217,7 +217,7 @@ void GaussianSums::sum_across_frames(std::vector<float>& values) const {
       for (const Tap& tap : frame_taps_[frame])
         rows.push_back(
             {tap.weights.data(), start + static_cast<std::size_t>(tap.row) * frame_size});
-      sum_rows(rows.data(), rows.size(), row, sums.data() + frame * row);
+      combine_rows(rows.data(), rows.size(), row, sums.data() + frame * row);
     }
     for (std::size_t frame = 0; frame < frame_taps_.size(); ++frame)
       std::copy_n(sums.data() + frame * row, row, start + frame * frame_size);
@@ -236,7 +236,7 @@ void GaussianSums::interpolate(const std::vector<float>& sums, std::vector<float
     int frame_block = 0;
     float frame_share = 0.0F;
     frames_.between(frame, frame_block, frame_share);
-    std::vector<float> between(row + 1);  // one more, of no weight, after the last block
+    std::vector<float> between(row + 1);  // with padding after the last block
     const auto add = [&](int f, int l, float weight) {
       if (weight == 0.0F) return;
       const float* in = sums.data() + static_cast<std::size_t>(f) * frame_size +

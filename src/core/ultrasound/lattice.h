@@ -13,7 +13,7 @@ namespace usct {
 /// Whether a continuous index lies within half a step of the recorded ones.
 inline bool is_recorded(double index, int count) { return index >= -0.5 && index < count - 0.5; }
 
-/// The neighbours of a recorded continuous index along one axis; the edge is repeated.
+/// The two recorded neighbours of a continuous index along one axis; beyond the ends, the edge.
 struct Neighbours {
   int lower;
   int upper;

@@ -25,7 +25,7 @@ class PreScanSampler {
            usct::is_recorded(index.frame, frames_);
   }
 
-  /// Brightness at an index that is recorded.
+  /// The brightness at an index for which `is_recorded` holds on every axis.
   std::uint8_t at(const ScanIndex& index) const {
     const auto neighbours = [&](double i, int count) {
       return nearest_ ? Neighbours::nearest(i, count) : Neighbours::linear(i, count);
@@ -52,7 +52,8 @@ class PreScanSampler {
   bool nearest_;
 };
 
-/// Bounds of what a motorised sweep records, to pass by voxels without trigonometry.
+/// Bounds of the samples that a motorised sweep records; voxels outside are skipped without any
+/// trigonometry.
 struct SweepBounds {
   double phi_min;
   double phi_max;
@@ -72,7 +73,7 @@ struct SweepBounds {
                  std::abs(interpolate_table(array.line_angles_rad, geometry.lines() - 0.5)));
     const double h_min = array.probe_radius_mm + geometry.axial.depth_mm(-0.5);
     h_max = array.probe_radius_mm + geometry.axial.depth_mm(geometry.samples() - 0.5);
-    // Half a line beyond the last may be more than 90 degrees if lines are few.
+    // With few lines, half a line beyond the last one may be more than 90 degrees off.
     H_min = std::min(h_min * std::cos(edge), h_max * std::cos(edge));
   }
 };
@@ -102,7 +103,7 @@ class SlabConverter {
   }
 
  private:
-  /// The motor angle is the same along such a row.
+  /// Fills a row along the x axis of the US frame, along which the motor angle is the same.
   void convert_row_along_x(const Eigen::Vector3d& start, double step, std::size_t offset) const {
     const MotorisedInverse::Swing swing = inverse_.swing_from_us(start.y(), start.z());
     if (swing.phi_rad < bounds_.phi_min || swing.phi_rad > bounds_.phi_max) return;

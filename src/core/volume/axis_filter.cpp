@@ -27,8 +27,8 @@ int source(const AxisFilter& filter, int begin, int o, std::size_t t, int size) 
   return std::clamp(begin + o * filter.stride + filter.first + static_cast<int>(t), 0, size - 1);
 }
 
-/// Along x: a row of the volume, whose voxels from index `row_begin` on are `row`, becomes `count`
-/// outputs.
+/// Filters along x: computes `count` outputs from a row of the volume, of which the voxels from
+/// index `row_begin` on are given.
 class RowFilter {
  public:
   RowFilter(const AxisFilter& filter, int begin, int count, int row_begin, int row_end)
@@ -39,7 +39,7 @@ class RowFilter {
         last_(row_end - 1),
         stride_(static_cast<std::size_t>(filter.stride)) {
     const std::size_t taps = filter.weights.size();
-    // What belongs to the same place of a stride lies side by side.
+    // Voxels at the same place of their strides lie side by side, so that outputs are vectors.
     const std::size_t per_place = count_ + (taps - 1) / stride_;
     values_.resize(per_place * stride_);
     for (std::size_t t = 0; t < taps; ++t)
@@ -98,8 +98,8 @@ std::vector<float> apply_separable(const Volume<T>& volume,
   const auto out_row_size = static_cast<std::size_t>(out_size.x());
   const auto out_rows = static_cast<std::size_t>(out_size.y());
   std::vector<float> result(out_row_size * out_rows * static_cast<std::size_t>(out_size.z()));
-  // Slice by slice, along z first: one slice at a time stays in the cache, and what decimation
-  // throws away is gone before the axis whose voxels do not lie side by side.
+  // Slice by slice, along z first: one slice at a time stays in the cache, and decimation has
+  // already dropped slices and rows when x, whose voxels must be gathered, is filtered.
   const auto filter_slice = [&](int k, std::vector<float>& slice, std::vector<float>& row,
                                 RowFilter& along_x) {
     std::vector<const T*> voxels(filters[2].weights.size());
@@ -121,7 +121,7 @@ std::vector<float> apply_separable(const Volume<T>& volume,
                                               out_row_size);
     }
   };
-  constexpr int kAtOnce = 4;  // slices that share the memory for one
+  constexpr int kAtOnce = 4;  // slices per task, which share its buffers
   parallel_for((out_size.z() + kAtOnce - 1) / kAtOnce, [&](int part) {
     std::vector<float> slice(row_size * static_cast<std::size_t>(y.end - y.begin));
     std::vector<float> row(row_size);

@@ -21,7 +21,8 @@ struct AxisFilter {
 AxisFilter gaussian_filter(double sigma, int stride);
 
 /// Filters along x, y and z. Result voxel (i, j, k) of `out_size` belongs to the input voxels
-/// around `begin + stride * (i, j, k)`. Only what that needs is computed; multi-threaded.
+/// around `begin + stride * (i, j, k)`. Only voxels that a result
+/// depends on are computed; multi-threaded.
 template <typename T>
 std::vector<float> apply_separable(const Volume<T>& volume,
                                    const std::array<AxisFilter, 3>& filters,

@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "core/io/bad_files.h"
+#include "test_paths.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {
@@ -16,7 +18,6 @@ using test::spit;
 using test::TemporaryFolder;
 using namespace std::string_literals;
 
-constexpr double kRadians = 3.14159265358979323846 / 180.0;
 const std::filesystem::path kSourceFolder = USCT_SOURCE_DIR;
 
 RegistrationOptions parse(const std::string& yaml) {
@@ -350,7 +351,7 @@ TEST(Presets, StagesAreChangedByNumberLeftOutOrReplaced) {
   RegistrationOptions expected = preset("patient");
   ASSERT_EQ(expected.stages.size(), 3U);
   expected.stages[1].optimizer.initial_step = 1.5;
-  expected.stages[0].starts->rotation_rad = 10.0 * kRadians;
+  expected.stages[0].starts->rotation_rad = 10.0 * kDegree;
   EXPECT_TRUE(same(parse("preset: patient\nstages:\n  1: {optimizer: {initial_step: 1.5}}\n"
                          "  0: {starts: {rotation_deg: 10}}\n"),
                    expected));

@@ -2,15 +2,15 @@
 #include <omp.h>
 #include <rapidcheck/gtest.h>
 
-#include "random_geometry.h"
+#include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
 
 namespace usct {
 namespace {
 
 using test::integer;
-using test::kDegree;
 using test::random_grid;
 using test::random_motorised;
 using test::random_pose;
