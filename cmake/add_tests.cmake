@@ -1,6 +1,14 @@
 # ITK's readers of images, to which tests hold ours. The core does not link them.
 find_package(ITK 5 REQUIRED COMPONENTS ITKIOImageBase ITKIOMeta ITKIONRRD ITKIONIFTI)
 
+# Where tests find the project's files and the tool. A header rather than macros on the command line: tests
+# that do not include it compile to the same objects in any folder.
+file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/test_paths/test_paths.h CONTENT "#pragma once
+
+#define USCT_SOURCE_DIR \"${PROJECT_SOURCE_DIR}\"
+#define USCT_TOOL \"$<TARGET_FILE:usct>\"
+")
+
 # usct_add_gtest(NAME SOURCES...): with ROS through catkin, so that catkin_test_results sees it.
 function(usct_add_gtest name)
   if(USCT_CORE_ONLY)
@@ -14,15 +22,12 @@ function(usct_add_gtest name)
     target_link_libraries(${name} ${GTEST_MAIN_LIBRARIES} ${GTEST_LIBRARIES})
   endif()
   target_include_directories(${name} PRIVATE
-    ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src/core)
+    ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src/core ${PROJECT_BINARY_DIR}/test_paths)
   target_include_directories(${name} SYSTEM PRIVATE
     ${ITK_INCLUDE_DIRS} ${GDCM_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
   target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
     ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
     hwy::hwy usct_warnings)
-  target_compile_definitions(${name} PRIVATE
-    USCT_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    USCT_TOOL="$<TARGET_FILE:usct>")
   add_dependencies(${name} usct)
 endfunction()
 
@@ -68,6 +73,13 @@ add_test(NAME package_dependencies
 add_test(NAME package_core_without_ros
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_core_without_ros.py ${PROJECT_SOURCE_DIR}
     $<TARGET_FILE:${PROJECT_NAME}_core> $<TARGET_FILE:usct>)
+add_test(NAME package_headers
+  COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_headers.py ${PROJECT_SOURCE_DIR}
+    ${CMAKE_CXX_COMPILER} ${EIGEN3_INCLUDE_DIRS})
+add_test(NAME package_sizes
+  COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_sizes.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_check_sizes COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_check_sizes.py)
+add_test(NAME package_plot_study COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_plot_study.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 if(NOT USCT_CORE_ONLY)
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})

@@ -32,6 +32,7 @@ if(NOT USCT_CORE_ONLY)
 endif()
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${USCT_INCLUDE_DIR})
 install(DIRECTORY config DESTINATION ${USCT_SHARE_DIR})
+install(PROGRAMS scripts/plot_study DESTINATION ${USCT_SHARE_DIR}/scripts)
 
 # With ROS, catkin_package() makes the files that find_package(us_ct_registration) reads.
 if(USCT_CORE_ONLY)

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <string>
 
+#include "test_paths.h"
+
 namespace usct::test {
 
 /// Folder of the real data for tests: USCT_TEST_DATA, else ../shared/data beside the project.

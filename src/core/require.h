@@ -18,5 +18,22 @@ inline void require(bool holds, const std::string& source, const std::string& fi
 }
 
 inline bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
+inline bool is_not_negative(double value) { return std::isfinite(value) && value >= 0.0; }
+
+inline void require_positive(const std::string& source, const std::string& field, double value) {
+  require(is_positive(value), source, field, value, "finite and > 0");
+}
+
+inline void require_not_negative(const std::string& source, const std::string& field,
+                                 double value) {
+  require(is_not_negative(value), source, field, value, "finite and >= 0");
+}
+
+inline void require_within(const std::string& source, const std::string& field, double value,
+                           double low, double high) {
+  std::ostringstream range;
+  range << "within [" << low << ", " << high << "]";
+  require(value >= low && value <= high, source, field, value, range.str());
+}
 
 }  // namespace usct

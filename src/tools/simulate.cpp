@@ -1,23 +1,15 @@
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <optional>
 
 #include "beam_options.h"
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
 #include "progress_bar.h"
-#include "simulation_pictures.h"
+#include "simulation_files.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/results/transform_io.h"
-#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
-#include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/simulation/simulation.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
 
@@ -47,20 +39,6 @@ struct SimulateCommand {
   bool quiet = false;
 };
 
-/// A result: values, and those of them that are written and drawn as 0 and 255.
-struct Result {
-  std::string name;
-  std::string title;
-  const std::vector<float>& values;
-  double black;
-  double white;
-
-  std::uint8_t grey(std::size_t i) const {
-    const double grey = 255.0 * (values[i] - black) / (white - black);
-    return static_cast<std::uint8_t>(std::nearbyint(std::clamp(grey, 0.0, 255.0)));
-  }
-};
-
 void complete(SimulateCommand& command) {
   if (!command.window_hu.empty())
     command.simulation.window = HuWindow{command.window_hu[0], command.window_hu[1]};
@@ -78,146 +56,8 @@ void complete(SimulateCommand& command) {
   command.conditioning.validate("--us options");
 }
 
-void write_bytes(const std::vector<std::uint8_t>& bytes, const UltrasoundBeams& beams,
-                 const std::filesystem::path& path) {
-  if (beams.geometry) {
-    write_prescan_nrrd({*beams.geometry, bytes, {}}, path);
-    return;
-  }
-  const BeamGrid& along = beams.along.beams;
-  UsVolume volume(*beams.grid);
-  std::size_t i = 0;
-  for (int frame = 0; frame < along.frames; ++frame)
-    for (int line = 0; line < along.lines; ++line)
-      for (int sample = 0; sample < along.samples(); ++sample) {
-        const Eigen::Vector3d index =
-            beams.grid->index_from_physical(along.point(frame, line, sample));
-        volume.at(static_cast<int>(std::lround(index.x())),
-                  static_cast<int>(std::lround(index.y())),
-                  static_cast<int>(std::lround(index.z()))) = bytes[i++];
-      }
-  write_volume(volume, path);
-}
-
-void write_images(const std::vector<Result>& results, const UltrasoundBeams& beams,
-                  const std::filesystem::path& folder) {
-  for (const Result& result : results) {
-    std::vector<std::uint8_t> bytes(result.values.size());
-    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = result.grey(i);
-    write_bytes(bytes, beams, folder / (result.name + ".nrrd"));
-  }
-}
-
-/// The ultrasound with what does not count in a colour per reason.
-BeamImage exclusion_image(const BeamUltrasound& us, const std::vector<std::uint8_t>& reasons) {
-  const auto colour = [&us, &reasons](std::size_t i) -> Picture::Colour {
-    const double grey = us.brightness[i];
-    const auto tinted = [&](double r, double g, double b) {
-      return Picture::Colour((0.5 * Eigen::Array3d(r, g, b) + 0.5 * grey).cast<std::uint8_t>());
-    };
-    if (reasons[i] == 0) return Picture::Colour::Constant(static_cast<std::uint8_t>(grey));
-    if ((reasons[i] & kUnknown) != 0) return {12, 16, 40};
-    if ((reasons[i] & kOutsideDepth) != 0) return tinted(60, 60, 255);
-    if ((reasons[i] & kFarWall) != 0) return tinted(0, 220, 220);
-    if ((reasons[i] & kNoContact) != 0) return tinted(255, 0, 255);
-    if ((reasons[i] & kShadow) != 0) return tinted(255, 60, 60);
-    return tinted(255, 255, 0);
-  };
-  return {"not counting, by reason", colour};
-}
-
-/// Rows as in thesis figure 4.3, and one for what the conditioning did.
-void write_pictures(const std::vector<Result>& results, const UltrasoundBeams& beams,
-                    const ConditionedUltrasound& conditioned, const SimulateCommand& command) {
-  const int frames = beams.along.beams.frames;
-  const int frame = command.frame < 0 ? frames / 2 : command.frame;
-  std::vector<BeamImage> images;
-  images.reserve(results.size() + 1);
-  for (const Result& result : results)
-    images.push_back({result.title, [&result](std::size_t i) -> Picture::Colour {
-                        return Picture::Colour::Constant(result.grey(i));
-                      }});
-  images.push_back(exclusion_image(beams.along, conditioned.reasons));
-  constexpr std::size_t kColumns = 3;
-  const auto sheet = [&](const auto& draw) {
-    std::vector<std::vector<Picture>> rows;
-    for (std::size_t i = 0; i < images.size(); ++i) {
-      if (i % kColumns == 0) rows.emplace_back();
-      rows.back().push_back(draw(images[i]));
-    }
-    return tile(rows);
-  };
-  const std::filesystem::path folder = command.output;
-  write_png(sheet([&](const BeamImage& image) {
-              return beam_picture(image, beams.along.beams, frame, command.pixel_mm);
-            }),
-            folder / "frame_beams.png");
-  if (beams.geometry)
-    write_png(sheet([&](const BeamImage& image) {
-                return fan_picture(image, *beams.geometry, frame, command.pixel_mm);
-              }),
-              folder / "frame.png");
-}
-
-nlohmann::ordered_json exclusions(const ConditionedUltrasound& us) {
-  nlohmann::ordered_json json;
-  for (const ExclusionReason reason :
-       {kUnknown, kOutsideDepth, kFarWall, kNoContact, kSaturated, kShadow, kConstant})
-    json[to_string(reason)] =
-        std::count_if(us.reasons.begin(), us.reasons.end(),
-                      [&](std::uint8_t reasons) { return (reasons & reason) != 0; });
-  return json;
-}
-
-nlohmann::ordered_json summary(const SimulatedUltrasound& simulated,
-                               const ConditionedUltrasound& conditioned, int frame) {
-  nlohmann::ordered_json json;
-  json["status"] = to_string(simulated.status);
-  json["message"] = simulated.message;
-  json["weight_mapped_ct"] = simulated.weights.mapped_ct;
-  json["weight_reflection"] = simulated.weights.reflection;
-  json["bias"] = simulated.weights.bias;
-  json["occluded_mean"] = simulated.occluded_mean;
-  json["lc2"] = simulated.lc2;
-  json["overlap"] = simulated.overlap;
-  json["samples"] = conditioned.reasons.size();
-  json["samples_used"] = simulated.used;
-  json["samples_occluded"] = simulated.occluded;
-  json["samples_excluded"] = exclusions(conditioned);
-  json["min_depth_mm"] = conditioned.min_depth_mm;
-  json["max_depth_mm"] = conditioned.max_depth_mm;
-  json["far_wall_share"] = conditioned.far_wall_share;
-  json["frame"] = frame;
-  return json;
-}
-
-void write_json(const nlohmann::ordered_json& json, const std::filesystem::path& path) {
-  write_atomically(path, [&](const std::filesystem::path& temporary) {
-    std::ofstream file(temporary);
-    file << json.dump(2) << '\n';
-    if (!file) throw std::runtime_error("cannot write " + temporary.string());
-  });
-}
-
-std::vector<Result> listed(const BeamUltrasound& us, const ConditionedUltrasound& conditioned,
-                           const SimulatedComponents& components,
-                           const SimulatedUltrasound& simulated, Normalisation fit_to) {
-  const double span = fit_to == Normalisation::kNone ? 0.0 : 3.0;
-  std::vector<Result> results{{"ultrasound", "A ultrasound", us.brightness, 0.0, 255.0},
-                              {"ct", "B CT along the beams", components.ct_hu, -160.0, 340.0},
-                              {"reflection", "C reflection r", components.reflection, 0.0, 1.0},
-                              {"intensity", "D intensity I", components.intensity, 0.0, 1.0},
-                              {"mapped_ct", "mapped CT p", components.mapped_ct, 0.0, 255.0}};
-  if (simulated.has_fit())
-    results.push_back({"simulated", "E simulated ultrasound", simulated.brightness,
-                       span > 0.0 ? -span : 0.0, span > 0.0 ? span : 255.0});
-  results.push_back(
-      {"gradient", "gradient, 0-100 HU/mm", components.gradient_hu_per_mm, 0.0, 100.0});
-  results.push_back({"conditioned", "conditioned ultrasound", conditioned.samples, -3.0, 3.0});
-  return results;
-}
-
-/// What does not count: by the conditioning, or with --use-all only what is unknown.
+/// The reasons why samples are excluded: those of the conditioning, or with --use-all only that a
+/// sample is unknown.
 std::vector<std::uint8_t> excluded(const SimulateCommand& command,
                                    const ConditionedUltrasound& conditioned) {
   std::vector<std::uint8_t> result = conditioned.reasons;
@@ -271,17 +111,8 @@ int run_simulate(SimulateCommand command) {
       command.fit_to == Normalisation::kNone ? beams.along.brightness : conditioned.samples,
       excluded(command, conditioned), command.fit);
 
-  const std::filesystem::path folder = command.output;
-  const std::vector<Result> results =
-      listed(beams.along, conditioned, components, simulated, command.fit_to);
-  write_images(results, beams, folder);
-  write_bytes(components.flags, beams, folder / "flags.nrrd");
-  write_bytes(conditioned.reasons, beams, folder / "excluded.nrrd");
-  write_pictures(results, beams, conditioned, command);
-  nlohmann::ordered_json json = summary(simulated, conditioned, command.frame);
-  for (const Result& result : results)
-    json["images"][result.name] = {{"black", result.black}, {"white", result.white}};
-  write_json(json, folder / "simulation.json");
+  write_simulation({beams, conditioned, components, simulated, command.fit_to}, command.frame,
+                   command.pixel_mm, command.output);
   print(simulated, conditioned, command.output);
   return simulated.has_fit() ? kDone : kRefused;
 }

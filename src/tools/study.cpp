@@ -202,9 +202,10 @@ void add_study_command(CLI::App& app, Run& run) {
                 "one registration after the other, each on all threads, for seconds that count");
   sub->add_flag("--thesis-table", command->thesis_table,
                 "a table per case, as tables 5.1 and 5.2 of the thesis");
-  sub->add_option("--output", command->output, "JSON of every run");
+  sub->add_option("--output", command->output,
+                  "JSON of every run, of which the script 'plot_study' draws plots");
   sub->add_option("--pictures", command->pictures,
-                  "folder for plots and for pictures of the worst run of each group");
+                  "folder for pictures of the worst run of each group");
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
   sub->callback([command, &run] { run = [command] { return run_study(*command); }; });
 }

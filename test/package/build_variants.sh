@@ -5,18 +5,20 @@
 set -euo pipefail
 project=$1 build=$2 variant=$3
 source "$(dirname "$0")/sources.sh"
-# The same place for all: ccache knows again what another of them compiled, though from another folder.
 # Not below the project, where rospack would find a second package of its name.
 work=${TMPDIR:-/tmp}/us_ct_registration_package_test_$UID
 rm -rf "$work"
 mkdir -m 700 "$work"
 trap 'rm -rf "$work"' EXIT
 source_dir=$work/ws/src/us_ct_registration
-export CCACHE_NOHASHDIR=1
 
-copy_sources() {  # as a user's checkout
-  mkdir -p "$source_dir"
+copy_sources() {  # copy_sources DEVEL: as a user's checkout, whose messages are generated in DEVEL
+  mkdir -p "$source_dir/build"
   (cd "$project" && list_sources "$project" | xargs -0 cp --parents -t "$source_dir")
+  # The same files, compiled in the same way as in BUILD_FOLDER: with ccache they need not be compiled again.
+  export CCACHE_BASEDIR=$source_dir CCACHE_NOHASHDIR=1 USCT_DEVEL=$1
+  ln -s "$USCT_DEVEL" "$source_dir/build/devel"
+  as_project=(-DCMAKE_BUILD_TYPE=Release "-DCMAKE_CXX_COMPILER_LAUNCHER=$project/test/package/compile_as_project.sh")
 }
 
 use_from() {  # use_from PREFIX: builds and runs the downstream package against it
@@ -37,25 +39,24 @@ case $variant in
     cmake --install "$build" --prefix "$work/prefix"
     use_from "$work/prefix" ;;
   core_only)
-    copy_sources
-    cmake -S "$source_dir" -B "$source_dir/build" -G Ninja -DUSCT_CORE_ONLY=ON \
+    copy_sources "$work/no_messages"
+    cmake -S "$source_dir" -B "$source_dir/build" -G Ninja "${as_project[@]}" -DUSCT_CORE_ONLY=ON \
       -DCMAKE_INSTALL_PREFIX="$work/prefix" -DCMAKE_INSTALL_LIBDIR=lib
     cmake --build "$source_dir/build" --target all test_geometry test_volume
     ctest --test-dir "$source_dir/build" --output-on-failure --no-tests=error -R '^test_(geometry|volume)$'
     cmake --build "$source_dir/build" --target install
     use_from "$work/prefix" ;;
-  # Debug compiles fastest, and is built nowhere else. catkin_make by itself stops at a load of as many
-  # as there are cores, which a busy machine always has.
+  # catkin_make by itself stops at a load of as many as there are cores, which a busy machine always has.
   catkin_make)
-    copy_sources
-    (cd "$work/ws" && catkin_make --use-ninja -j"$(nproc)" -l99 -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF install)
+    copy_sources "$work/ws/devel"
+    (cd "$work/ws" && catkin_make --use-ninja -j"$(nproc)" -l99 "${as_project[@]}" -DCATKIN_ENABLE_TESTING=OFF install)
     use_from "$work/ws/install" ;;
   catkin_build)
-    copy_sources
+    copy_sources "$work/ws/devel/.private/us_ct_registration"
     # Both packages in one workspace: the second finds the first as a catkin component.
     cp -r "$project/test/package/downstream" "$work/ws/src/"
     (cd "$work/ws" && catkin config --init --install \
-      --cmake-args -DCMAKE_BUILD_TYPE=Debug -DCATKIN_ENABLE_TESTING=OFF &&
+      --cmake-args "${as_project[@]}" -DCATKIN_ENABLE_TESTING=OFF &&
       catkin build --no-status && set +u && . install/setup.sh && downstream)
     use_from "$work/ws/install" ;;
   *) echo "unknown variant '$variant'" >&2; exit 2 ;;

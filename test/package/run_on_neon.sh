@@ -25,9 +25,8 @@ compile() {
 }
 export -f compile
 cd "$project"
-# Without ultrasound_beams.cpp, which reads files.
-ls src/core/{geometry,simulation,similarity,volume}/*.cpp test/core/similarity/*.cpp test/core/simulation/test_gaussian_sums.cpp \
-  test/core/volume/test_operations.cpp | grep -v ultrasound_beams |
+ls src/core/text.cpp src/core/{geometry,volume,ultrasound,simulation,similarity}/*.cpp test/core/similarity/*.cpp \
+  test/core/ultrasound/test_gaussian_sums.cpp test/core/volume/test_{operations,combine_rows}.cpp |
   xargs -P"$(nproc)" -I{} bash -c 'compile {}'
 libraries=$work/root/usr/lib/$cross
 $cross-g++ -fopenmp "$work"/objects/*.o -o "$work/tests" -L"$libraries" -lgtest_main -lgtest -lrapidcheck -lhwy

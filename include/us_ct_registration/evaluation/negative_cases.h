@@ -7,7 +7,7 @@
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
-/// Ultrasound and starts for which there is no right registration: what a registration must refuse.
+/// Ultrasound and starts for which there is no right registration, so that it must be refused.
 namespace usct {
 
 /// The same acquisition with the lines of each frame in reverse order: anatomy mirrored, as by a
@@ -24,7 +24,7 @@ struct SpeckleOptions {
   void validate(const std::string& source) const;
 };
 
-/// Ultrasound that shows nothing: fully developed speckle (a complex Gaussian field, smoothed by
+/// Ultrasound without any anatomy: fully developed speckle (a complex Gaussian field, smoothed by
 /// the point spread as it is in the middle of the depths; its amplitude is Rayleigh distributed),
 /// log-compressed to the usual 60 dB. Its mean grey value at each depth is that of `ultrasound`, as
 /// far as 8 bits hold it. The same seed gives the same bits.

@@ -18,7 +18,7 @@ namespace usct {
 Eigen::Isometry3d random_motion(std::uint64_t seed, const std::vector<Eigen::Vector3d>& points_mm,
                                 double displacement_mm, double max_rotation_rad);
 
-/// Half the widths of a box of motions.
+/// A box of motions, by half its widths.
 struct MotionBox {
   double rotation_rad = 0.0;
   double translation_mm = 0.0;

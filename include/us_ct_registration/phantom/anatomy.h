@@ -15,17 +15,17 @@ struct Ball {
   Tissue tissue;
 };
 
-/// What is where, in CT coordinates (LPS, mm), as it was when the CT was taken. Both images are
-/// formed from this and from nothing else; it knows of no grid and no noise.
+/// The tissue at each point, in CT coordinates (LPS, mm), at the time of the CT. CT and ultrasound
+/// are both formed from the anatomy alone, which has neither grid nor noise.
 class Anatomy {
  public:
   virtual ~Anatomy() = default;
 
-  /// The tissue at a point, anywhere in space, balls left out.
+  /// The tissue at a point anywhere in space, without the balls.
   virtual Tissue tissue(const Eigen::Vector3d& p_ct_mm) const = 0;
 
-  /// Where the tissue's texture is looked up, mm: the point itself, or coordinates that follow the
-  /// tissue's layers and fibres.
+  /// The coordinates, in mm, at which the texture of the tissue is evaluated: the point itself, or
+  /// coordinates that follow the layers and fibres of the tissue.
   virtual Eigen::Vector3d texture_point_mm(const Eigen::Vector3d& p_ct_mm, Tissue tissue) const;
 
   const std::vector<Ball>& balls() const { return balls_; }
@@ -43,7 +43,7 @@ double texture_at(const Anatomy& anatomy, const TissueProperties& properties, Ti
 double sheet_at(const Anatomy& anatomy, const TissueProperties& properties, Tissue tissue,
                 const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
 
-/// An anatomy, what is known about it, and how a probe looks at it.
+/// An anatomy with its properties, and the probe that scans it.
 struct Scene {
   std::shared_ptr<const Anatomy> anatomy;
   TissueTable tissues;
@@ -51,14 +51,14 @@ struct Scene {
   /// z elevation.
   Eigen::Isometry3d T_ct_probe = Eigen::Isometry3d::Identity();
   Eigen::Vector3d kidney_centre_ct_mm = Eigen::Vector3d::Zero();
-  /// Spread evenly over the kidney's surface.
+  /// Points spread evenly over the kidney's surface.
   std::vector<Eigen::Vector3d> kidney_surface_ct_mm;
   std::vector<Eigen::Vector3d> fiducials_ct_mm;
-  /// Where the middle of a CT of the kidney lies.
+  /// The middle of a CT of the kidney.
   Eigen::Vector3d ct_centre_mm = Eigen::Vector3d::Zero();
   /// Depth below the array that shows all of the kidney, mm.
   double suggested_depth_mm = 0.0;
-  /// How the surface under the probe curves away along the sweep (elevation), mm.
+  /// Radius of curvature, along the sweep (elevation), of the surface under the probe, mm.
   double surface_radius_mm = 1e6;
   /// Transmit frequency that reaches that depth, MHz.
   double suggested_frequency_mhz = 0.0;

@@ -20,7 +20,7 @@
 /// A digital phantom: CT and pre-scan ultrasound of one anatomy in a known relative pose.
 ///
 /// Ultrasound is formed from tissue properties by summing scatterers, never from CT intensities,
-/// and shares no code with the simulation that registration uses: it is there to judge that
+/// and shares no code with the simulation that registration uses, since it serves to judge that
 /// registration.
 namespace usct::phantom {
 
@@ -44,7 +44,7 @@ struct AnatomyOptions {
   /// Largest displacement, mm, by which the kidney deforms smoothly between CT and ultrasound;
   /// [0, 15].
   double deformation_mm = 0.0;
-  /// Patient: what the kidney holds.
+  /// Lesions in the kidney of a patient.
   bool tumour = true;
   bool cyst = true;
   bool stone = true;
@@ -57,8 +57,8 @@ enum class Approach { kAuto, kLateral, kPosterior, kAnterior };
 Approach parse_approach(const std::string& text, const std::string& source);
 std::string to_string(Approach approach);
 
-/// How a CT becomes the anatomy. Labels say which tissue a voxel is; what they leave open is
-/// classified by HU.
+/// How a CT becomes the anatomy. A label map gives the tissue of a voxel; voxels without a label
+/// are classified by HU.
 struct FromCtOptions {
   /// Tissue of each label. `Tissue::kCortex` stands for a whole kidney: medulla and sinus are then
   /// made up inside.
@@ -88,9 +88,8 @@ struct PhantomOptions {
   void validate() const;
 };
 
-/// Truth is physical: where the tissue was when it was imaged. Errors of the acquisition (sound
-/// speed, motor, poses, lag) show as disagreement between image and truth, as they would in
-/// reality; they are not folded into it.
+/// The physical truth: where the tissue was when it was imaged. Errors of the acquisition (sound
+/// speed, motor, poses, lag) are in the image and not in the truth, as in reality.
 struct PhantomTruth {
   /// The rigid transform that maps the kidney's surface from CT to US with the least squared
   /// distance; exact where nothing deforms.
@@ -100,13 +99,13 @@ struct PhantomTruth {
   std::vector<Eigen::Vector3d> targets_ct_mm;
   std::vector<Eigen::Vector3d> targets_us_mm;
   /// Root mean square and largest distance between `T_us_ct * targets_ct_mm` and `targets_us_mm`:
-  /// what no rigid registration can undo.
+  /// the error that remains after the best rigid registration.
   double rms_residual_mm = 0.0;
   double max_residual_mm = 0.0;
   /// Centres of the steel balls; empty where the scene has none.
   std::vector<Eigen::Vector3d> fiducials_ct_mm;
   std::vector<Eigen::Vector3d> fiducials_us_mm;
-  /// Where each frame really was; the pre-scan volume holds the recorded geometry.
+  /// The true geometry; the pre-scan volume holds the recorded one.
   ScanGeometry geometry;
   /// For each frame the frame whose image it shows (its own index unless it is a duplicate).
   std::vector<int> image_of_frame;
@@ -127,7 +126,7 @@ PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress
 
 /// A phantom case whose anatomy is a CT, which is handed out as it is (with noise added on
 /// request). `labels` may lie on any grid, and be empty where `options.from_ct` names no label.
-/// `options.scene` must be from-ct; `options.ct` and what else belongs to the other scenes is not
+/// `options.scene` must be from-ct; `options.ct` and other options of the other scenes are not
 /// used.
 PhantomCase make_phantom_from_ct(const CtVolume& ct, const LabelVolume& labels,
                                  const PhantomOptions& options, const Progress& progress = {});

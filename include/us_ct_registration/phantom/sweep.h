@@ -8,7 +8,7 @@
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 
-/// How the probe moves: what is recorded of it, and what really happens.
+/// The motion of the probe, as recorded and as it really was.
 namespace usct::phantom {
 
 enum class SweepKind { kMotorised, kTrackedCurvilinear, kTrackedLinear };
@@ -43,7 +43,7 @@ struct SweepOptions {
   /// Frames per second of a tracked sweep.
   double frame_rate_hz = 20.0;
 
-  /// How far the motor's true angles are from the recorded ones: 0 none, 1 as in thesis 3.1.6
+  /// The error of the recorded motor angles: 0 none, 1 as in thesis 3.1.6
   /// (steps of 0.611 of 0.731 degrees on the negative side, 0.747 on the other), up to 2.
   double sweep_error = 0.0;
   /// Standard deviation of the recorded poses of tracked frames, per axis; mm and degrees.

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-/// What the phantom is made of, and how each tissue looks to X-rays and to ultrasound.
+/// The tissues of the phantom, and their properties for X-rays and for ultrasound.
 namespace usct::phantom {
 
 /// The values are the labels of a phantom's label map; they are part of its file format.
@@ -36,7 +36,7 @@ enum class Tissue : std::uint8_t {
   kDisc = 24,
   kBowel = 25,  // wall and liquid content
   kGas = 26,
-  kSoftTissue = 27,  // not further known
+  kSoftTissue = 27,  // of unknown kind
 };
 constexpr int kTissueCount = 28;
 
@@ -92,7 +92,7 @@ class TissueTable {
 bool is_strong_reflector(Tissue tissue);
 bool is_gas(Tissue tissue);
 bool is_bone(Tissue tissue);
-/// Cortex, medulla, sinus, and what else lies within the kidney's surface.
+/// Whether a tissue lies within the kidney's surface: cortex, medulla, sinus, lesions and so on.
 bool is_kidney_parenchyma(Tissue tissue);
 
 /// Reads a name of the table ("cortex", "perirenal_fat"). Throws InputError, naming `source`.

@@ -28,22 +28,22 @@ struct ContourLevel {
 };
 
 struct RegistrationPictureOptions {
-  /// Where the three planes meet; the middle of what the ultrasound knows if not given.
+  /// The point in which the three planes meet; the middle of the known ultrasound if unset.
   std::optional<Eigen::Vector3d> centre_us_mm;
   /// Columns are the lateral, axial and elevation axes of the pictures in the US frame, a rotation
   /// (see `picture_axes`).
   Eigen::Matrix3d axes_us = Eigen::Matrix3d::Identity();
   double pixel_mm = 0.4;
-  /// If empty: fat against soft tissue (-30 HU) and bone (300 HU); and between them, where what the
-  /// ultrasound sees of the CT falls in two clear parts, the level that parts them: the kidney in a
-  /// CT with contrast medium, or in agar.
+  /// If empty, the levels are the border of fat and soft tissue (-30 HU), bone (300 HU), and a
+  /// level between them if the CT in the field of the ultrasound has two clear classes there: then
+  /// it separates them, as the kidney in a CT with contrast medium or in agar.
   std::vector<ContourLevel> levels;
   /// Standard deviation of the Gaussian that smooths the CT in the plane before its lines are
   /// drawn: less leaves noise, more rounds off what is small.
   double smoothing_mm = 1.0;
-  /// Lines shorter than this in all are noise and are not drawn.
+  /// Connected lines of a total length below this are noise and are not drawn.
   double least_length_mm = 12.0;
-  /// In which the CT itself is drawn.
+  /// The HU window in which the CT itself is drawn.
   CtWindow window;
 
   /// Throws InputError, naming `source`, if a length is not finite and > 0 (`smoothing_mm` and

@@ -24,7 +24,7 @@ struct Surface {
 /// `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
 
-/// Where the CT rises above `hu`; as above.
+/// The surface of the voxels of the CT above `hu`, likewise.
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles);
 
 }  // namespace usct

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "us_ct_registration/geometry/scan_geometry.h"
-#include "us_ct_registration/ultrasound/compounding.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/ultrasound/tracked_images.h"
 
 /// Temporal calibration of tracked ultrasound: images and poses of a tracked probe reach the
 /// recorder by different ways, and images usually arrive later. With an image lag L, the image with

@@ -24,7 +24,7 @@ struct Outside {
   static Outside edge() { return {Kind::kEdge, 0.0F}; }
 };
 
-/// Whether a continuous index lies in the volume (voxels counted with their full extent).
+/// Whether a continuous index lies in the volume, to which voxels belong with their full extent.
 inline bool contains_index(const Grid& grid, const Eigen::Vector3d& index) {
   return (index.array() >= -0.5).all() &&
          (index.array() < grid.size.cast<double>().array() - 0.5).all();

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "phantom/random.h"
-#include "us_ct_registration/error.h"
+#include "require.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/volume/operations.h"
 
@@ -107,14 +107,9 @@ PreScanVolume mirrored(const PreScanVolume& ultrasound) {
 }
 
 void SpeckleOptions::validate(const std::string& source) const {
-  const auto check = [&](const char* field, double value) {
-    if (!(std::isfinite(value) && value >= 0.0))
-      throw InputError(source, "'" + std::string(field) + "' is " + std::to_string(value) +
-                                   ", must be finite and >= 0");
-  };
-  check("axial_mm", axial_mm);
-  check("lateral_mm", lateral_mm);
-  check("elevation_mm", elevation_mm);
+  require_not_negative(source, "axial_mm", axial_mm);
+  require_not_negative(source, "lateral_mm", lateral_mm);
+  require_not_negative(source, "elevation_mm", elevation_mm);
 }
 
 PreScanVolume speckle_only(const PreScanVolume& ultrasound, std::uint64_t seed,

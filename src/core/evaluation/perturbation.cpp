@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "phantom/random.h"
-#include "us_ct_registration/error.h"
+#include "require.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 
@@ -17,13 +17,6 @@ using phantom::Sequence;
 
 /// What random numbers are for.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
-
-void require(bool valid, const std::string& source, const std::string& field, double value,
-             const std::string& constraint) {
-  if (!valid)
-    throw InputError(source,
-                     "'" + field + "' is " + std::to_string(value) + ", must be " + constraint);
-}
 
 Vector3d centroid(const std::vector<Vector3d>& points_mm) {
   if (points_mm.empty()) throw InputError("targets", "there are 0, must be at least 1");
@@ -47,8 +40,7 @@ double angle_that_moves_by(double displacement_mm, const Vector3d& centre_mm, co
 
 Isometry3d random_motion(std::uint64_t seed, const std::vector<Vector3d>& points_mm,
                          double displacement_mm, double max_rotation_rad) {
-  require(std::isfinite(displacement_mm) && displacement_mm >= 0.0, "start", "displacement_mm",
-          displacement_mm, "finite and >= 0");
+  require_not_negative("start", "displacement_mm", displacement_mm);
   require(max_rotation_rad >= 0.0 && max_rotation_rad <= kPi, "start", "max_rotation_rad",
           max_rotation_rad, "within [0, pi]");
   const Vector3d centre_mm = centroid(points_mm);
@@ -78,8 +70,7 @@ Isometry3d random_motion(std::uint64_t seed, const std::vector<Vector3d>& points
 void MotionBox::validate(const std::string& source) const {
   require(rotation_rad >= 0.0 && rotation_rad <= kPi, source, "rotation_rad", rotation_rad,
           "within [0, pi]");
-  require(std::isfinite(translation_mm) && translation_mm >= 0.0, source, "translation_mm",
-          translation_mm, "finite and >= 0");
+  require_not_negative(source, "translation_mm", translation_mm);
 }
 
 Isometry3d random_motion_in_box(std::uint64_t seed, const std::vector<Vector3d>& points_mm,
@@ -105,8 +96,7 @@ std::vector<double> spread_displacements_mm(std::uint64_t seed, int count, doubl
                                             double max_mm, int bins) {
   require(count >= 1, "starts", "count", count, ">= 1");
   require(bins >= 1, "starts", "bins", bins, ">= 1");
-  require(std::isfinite(min_mm) && min_mm >= 0.0, "starts", "min_displacement_mm", min_mm,
-          "finite and >= 0");
+  require_not_negative("starts", "min_displacement_mm", min_mm);
   require(std::isfinite(max_mm) && max_mm >= min_mm, "starts", "max_displacement_mm", max_mm,
           "finite and >= the smallest");
   Sequence random(seed, kDisplacements);

@@ -8,7 +8,7 @@
 
 #include "parallel.h"
 #include "phantom/random.h"
-#include "us_ct_registration/error.h"
+#include "require.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/results/points_io.h"
@@ -205,24 +205,17 @@ const char* kind_name(TrialKind kind) {
 bool has_truth(TrialKind kind) { return kind == TrialKind::kStart || kind == TrialKind::kFarStart; }
 
 void StudyOptions::validate(const std::string& source) const {
-  const auto check = [&](bool valid, const char* field, double value, const char* constraint) {
-    if (!valid)
-      throw InputError(source, "'" + std::string(field) + "' is " + std::to_string(value) +
-                                   ", must be " + constraint);
-  };
-  check(starts >= 1, "starts", starts, ">= 1");
-  check(bins >= 1, "bins", bins, ">= 1");
-  check(std::isfinite(min_displacement_mm) && min_displacement_mm >= 0.0, "min_displacement_mm",
-        min_displacement_mm, "finite and >= 0");
-  check(std::isfinite(max_displacement_mm) && max_displacement_mm >= min_displacement_mm,
-        "max_displacement_mm", max_displacement_mm, "finite and >= min_displacement_mm");
-  check(max_rotation_rad >= 0.0 && max_rotation_rad <= kPi, "max_rotation_rad", max_rotation_rad,
-        "within [0, pi]");
-  check(std::isfinite(far_min_mm) && far_min_mm >= 0.0, "far_min_mm", far_min_mm,
-        "finite and >= 0");
-  check(std::isfinite(far_max_mm) && far_max_mm >= far_min_mm, "far_max_mm", far_max_mm,
-        "finite and >= far_min_mm");
-  check(std::isfinite(gap_mm) && gap_mm > 0.0, "gap_mm", gap_mm, "finite and > 0");
+  require(starts >= 1, source, "starts", starts, ">= 1");
+  require(bins >= 1, source, "bins", bins, ">= 1");
+  require_not_negative(source, "min_displacement_mm", min_displacement_mm);
+  require(std::isfinite(max_displacement_mm) && max_displacement_mm >= min_displacement_mm, source,
+          "max_displacement_mm", max_displacement_mm, "finite and >= min_displacement_mm");
+  require(max_rotation_rad >= 0.0 && max_rotation_rad <= kPi, source, "max_rotation_rad",
+          max_rotation_rad, "within [0, pi]");
+  require_not_negative(source, "far_min_mm", far_min_mm);
+  require(std::isfinite(far_max_mm) && far_max_mm >= far_min_mm, source, "far_max_mm", far_max_mm,
+          "finite and >= far_min_mm");
+  require_positive(source, "gap_mm", gap_mm);
   if (box) box->validate(source);
 }
 

@@ -8,7 +8,7 @@ namespace usct {
 
 void BeamGrid::validate(const std::string& source) const {
   require(samples() > 0, source, "samples", samples(), "> 0");
-  require(is_positive(axial.spacing_mm), source, "spacing_mm", axial.spacing_mm, "> 0");
+  require_positive(source, "spacing_mm", axial.spacing_mm);
   require(std::isfinite(axial.start_depth_mm), source, "start_depth_mm", axial.start_depth_mm,
           "finite");
   require(lines > 0, source, "lines", lines, "> 0");

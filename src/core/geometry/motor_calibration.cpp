@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "us_ct_registration/error.h"
+#include "require.h"
 
 namespace usct {
 namespace {
@@ -235,13 +235,8 @@ void WireDistances::validate(const std::string& source) const {
 }
 
 void MotorCalibrationOptions::validate(const std::string& source) const {
-  const auto require_positive = [&](double value, const char* field) {
-    if (!std::isfinite(value) || value <= 0.0)
-      throw InputError(source, "'" + std::string(field) + "' is " + std::to_string(value) +
-                                   ", must be finite and > 0");
-  };
-  require_positive(shortfall_tolerance, "shortfall_tolerance");
-  require_positive(residual_tolerance, "residual_tolerance");
+  require_positive(source, "shortfall_tolerance", shortfall_tolerance);
+  require_positive(source, "residual_tolerance", residual_tolerance);
 }
 
 MotorCalibration calibrate_motor(const WireDistances& distances,

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "geometry/frame_times.h"
-#include "us_ct_registration/error.h"
+#include "require.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/rigid.h"
 
@@ -16,20 +16,12 @@ constexpr double kPoseTolerance = 1e-4;
 
 std::string in_degrees(double angle_rad) { return std::to_string(degrees(angle_rad)) + " degrees"; }
 
-void require_positive(double value, const std::string& source, const std::string& field) {
-  if (!std::isfinite(value) || value <= 0.0)
-    throw InputError(source,
-                     "'" + field + "' is " + std::to_string(value) + ", must be finite and > 0");
-}
-
 void validate_axial(const AxialSampling& axial, const std::string& source) {
   if (axial.samples < 2)
     throw InputError(source,
                      "has " + std::to_string(axial.samples) + " samples per line, must be >= 2");
-  require_positive(axial.spacing_mm, source, "sample_spacing_mm");
-  if (!std::isfinite(axial.start_depth_mm) || axial.start_depth_mm < 0.0)
-    throw InputError(source, "'start_depth_mm' is " + std::to_string(axial.start_depth_mm) +
-                                 ", must be finite and >= 0");
+  require_positive(source, "sample_spacing_mm", axial.spacing_mm);
+  require_not_negative(source, "start_depth_mm", axial.start_depth_mm);
 }
 
 /// The angles beyond either end of the table by `extra_rad` are tested as well.
@@ -51,7 +43,7 @@ void validate_array(const Array& array, const std::string& source) {
     return;
   }
   const auto& curved = std::get<CurvilinearArray>(array);
-  require_positive(curved.probe_radius_mm, source, "probe_radius_mm");
+  require_positive(source, "probe_radius_mm", curved.probe_radius_mm);
   require_monotonic(curved.line_angles_rad, source, "line_angles_rad");
   require_within_right_angle(curved.line_angles_rad, 0.0, source, "line_angles_rad");
 }
@@ -60,7 +52,7 @@ void validate_motor(const MotorSweep& sweep, const ScanGeometry& geometry,
                     const std::string& source) {
   if (!std::holds_alternative<CurvilinearArray>(geometry.array))
     throw InputError(source, "a motorised probe has a linear array, must be curvilinear");
-  require_positive(sweep.motor_radius_mm, source, "motor_radius_mm");
+  require_positive(source, "motor_radius_mm", sweep.motor_radius_mm);
   require_monotonic(sweep.frame_angles_rad, source, "frame_angles_rad");
   if (!std::isfinite(sweep.frame_travel_rad))
     throw InputError(source, "'frame_travel_rad' is not finite");

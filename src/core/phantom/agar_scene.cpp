@@ -112,25 +112,6 @@ class AgarAnatomy : public Anatomy {
 
 }  // namespace
 
-std::vector<Vector3d> even_directions(int count) {
-  std::vector<Vector3d> directions;
-  for (int i = 0; i < count; ++i) {
-    const double z = 1.0 - 2.0 * (i + 0.5) / count;
-    const double angle = i * 2.399963229728653;  // the golden angle
-    const double r = std::sqrt(1.0 - z * z);
-    directions.emplace_back(r * std::cos(angle), r * std::sin(angle), z);
-  }
-  return directions;
-}
-
-Eigen::Matrix3d looking(const Vector3d& forward, const Vector3d& lateral) {
-  Eigen::Matrix3d R;
-  R.col(1) = forward.normalized();
-  R.col(0) = (lateral - lateral.dot(R.col(1)) * R.col(1)).normalized();
-  R.col(2) = R.col(0).cross(R.col(1));
-  return R;
-}
-
 Scene make_agar_scene(std::uint64_t seed, const AnatomyOptions& options) {
   const auto anatomy = std::make_shared<AgarAnatomy>(seed, options);
   Scene scene;

@@ -34,10 +34,10 @@ class BeamProfile {
   }
   /// Half the aperture used to receive from a depth, mm.
   double half_aperture_mm(double depth_mm) const;
-  /// Volume that one speckle is summed over, where the beam is narrowest.
+  /// The volume from which a sample receives echoes, where the beam is narrowest.
   double smallest_resolution_cell_mm3() const { return smallest_cell_mm3_; }
   double wavelength_mm() const { return wavelength_mm_; }
-  /// Of the pulse and of the filter before the samples are taken.
+  /// Standard deviation, along the beam, of the pulse after the filter that precedes sampling.
   double axial_sigma_mm() const { return axial_sigma_mm_; }
 
  private:

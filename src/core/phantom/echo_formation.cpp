@@ -18,9 +18,14 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-/// The true beams, in the probe frame.
-BeamGrid beams_in_probe_frame(const Acquisition& acquisition) {
+/// The true beams in the probe frame, from the array's surface, since sound also passes the tissue
+/// above the first sample, to a depth.
+BeamGrid beams_in_probe_frame(const Acquisition& acquisition, double deepest_mm) {
   BeamGrid beams = beam_grid(acquisition.truth);
+  AxialSampling& axial = beams.axial;
+  axial.samples = static_cast<int>((deepest_mm - axial.start_depth_mm) / axial.spacing_mm) + 1;
+  axial.samples += static_cast<int>(axial.start_depth_mm / axial.spacing_mm);
+  axial.start_depth_mm = 0.0;
   const Isometry3d T_probe_us = acquisition.T_us_probe.inverse();
   for (Beam& beam : beams.beams) {
     beam.origin_mm = T_probe_us * beam.origin_mm;
@@ -51,6 +56,18 @@ int scatterers_per_cell(const BeamProfile& profile) {
   return std::clamp(static_cast<int>(std::ceil(needed)), 1, 8);
 }
 
+/// Frames that repeat the image of another one get its envelope.
+void repeat_images(const Acquisition& acquisition, std::size_t per_frame,
+                   std::vector<float>& envelope) {
+  const int frames = acquisition.truth.frames();
+  for (int f = 0; f < frames; ++f) {
+    const int image = acquisition.image_of_frame[static_cast<std::size_t>(f)];
+    if (image != f)
+      std::copy_n(envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * image, per_frame,
+                  envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * f);
+  }
+}
+
 }  // namespace
 
 std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
@@ -60,7 +77,7 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
   options.validate(geometry.lines());
   const double frequency_mhz = options.frequency_mhz.value_or(scene.suggested_frequency_mhz);
   const double recorded_depth_mm = geometry.axial.depth_mm(geometry.samples() - 1);
-  // Echoes from beyond are shown within when the scanner assumes too low a speed.
+  // A scanner that assumes too low a speed shows echoes from deeper than it believes.
   const double deepest_mm =
       std::max(recorded_depth_mm, recorded_depth_mm / (1.0 + options.sound_speed_error)) + 5.0;
   const double kidney_depth_mm = (placement.probe_from_ct(scene.kidney_centre_ct_mm)).y();
@@ -68,13 +85,7 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
   const BeamProfile profile(options, frequency_mhz, focus_mm, geometry.axial.spacing_mm,
                             deepest_mm);
 
-  BeamGrid beams = beams_in_probe_frame(acquisition);
-  beams.axial.samples =
-      static_cast<int>((deepest_mm - beams.axial.start_depth_mm) / beams.axial.spacing_mm) + 1;
-  // Sound also passes what lies above the first sample.
-  beams.axial.samples += static_cast<int>(beams.axial.start_depth_mm / beams.axial.spacing_mm);
-  beams.axial.start_depth_mm = 0.0;
-
+  const BeamGrid beams = beams_in_probe_frame(acquisition, deepest_mm);
   const ScannedBody body(scene, placement, apices(beams));
   const TissueRaster raster(body, beams, stage(progress, 0.0, 0.25));
   const ScattererField field = make_scatterers(body, raster, scatterers_per_cell(profile), seed,
@@ -107,12 +118,7 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
                   envelope.begin() + static_cast<std::ptrdiff_t>(n * per_frame));
       },
       stage(progress, 0.6, 1.0));
-  for (int f = 0; f < geometry.frames(); ++f) {
-    const int image = acquisition.image_of_frame[static_cast<std::size_t>(f)];
-    if (image != f)
-      std::copy_n(envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * image, per_frame,
-                  envelope.begin() + static_cast<std::ptrdiff_t>(per_frame) * f);
-  }
+  repeat_images(acquisition, per_frame, envelope);
   return envelope;
 }
 

@@ -11,9 +11,9 @@
 
 namespace usct::phantom {
 
-/// What differs between kidneys besides the seed.
+/// The properties of a kidney that do not follow from the seed.
 struct KidneyContent {
-  /// Vessels and ureter end here, as seen from the hilum; beyond, they are someone else's.
+  /// Length of vessels and ureter from the hilum, mm; the scene continues them beyond.
   double pedicle_mm = 25.0;
   bool tumour = false;
   bool cyst = false;

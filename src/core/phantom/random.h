@@ -5,8 +5,8 @@
 #include <complex>
 #include <cstdint>
 
-/// Random numbers as functions of (seed, what they are for, where): no state, so that a value does
-/// not depend on which thread asks for it, or in which order.
+/// Random numbers as functions of seed, purpose and place. They have no state, so that a value does
+/// not depend on the thread that asks for it, or on the order.
 namespace usct::phantom {
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): a bijection in which every bit of the input

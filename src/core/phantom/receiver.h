@@ -10,8 +10,8 @@
 
 namespace usct::phantom {
 
-/// What the scanner does to the echoes of a frame: electronic noise, gain with its errors, haze,
-/// ring-down near the array, lines without contact, envelope.
+/// Turns the echoes of a frame into an envelope, as a scanner does: with electronic noise, gain and
+/// its errors, haze, ring-down near the array and lines without contact.
 class Receiver {
  public:
   /// `transmissions`: of all frames, from which the operator's TGC follows.

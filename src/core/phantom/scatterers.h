@@ -8,7 +8,7 @@
 
 namespace usct::phantom {
 
-/// Something much smaller than a wavelength that sends sound back, in the probe frame.
+/// A scatterer, much smaller than a wavelength, in the probe frame.
 struct Scatterer {
   Eigen::Vector3f p_mm;
   float amplitude;  // root of mm^3: energy 1 per mm^3 is renal cortex
@@ -42,7 +42,7 @@ struct ScattererField {
 
 /// `per_cell` volume scatterers in each lattice cell, jittered, their strength scaled by the local
 /// echogenicity; one surface scatterer per cell that an interface crosses. All depend on seed and
-/// cell only, so they stay where they are whatever is scanned.
+/// cell only, so that they do not move with the sweep.
 ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster, int per_cell,
                                std::uint64_t seed, const Progress& progress);
 

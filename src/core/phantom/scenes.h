@@ -22,6 +22,10 @@ std::vector<Eigen::Vector3d> even_directions(int count);
 /// A rotation whose y axis is `forward` and whose x axis is as close as can be to `lateral`.
 Eigen::Matrix3d looking(const Eigen::Vector3d& forward, const Eigen::Vector3d& lateral);
 
+/// The depth below the array that shows all of the kidney and 28 mm behind it, in steps of 5 mm.
+/// `scene` must have its probe and the kidney's surface.
+double depth_that_shows_kidney_mm(const Scene& scene);
+
 /// Number of targets on the kidney's surface.
 constexpr int kTargetCount = 400;
 

@@ -1,5 +1,6 @@
 #include "phantom/tissue_raster.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -33,6 +34,58 @@ void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& vi
       }
 }
 
+/// How close a block is to the beams.
+enum Mark : std::uint8_t { kFar, kNextButOne, kNext, kPassed };
+
+/// The blocks of the lattice around the beams, each with its mark.
+struct MarkedBlocks {
+  Vector3i low;
+  Vector3i count;
+  std::vector<std::uint8_t> marks;
+
+  std::size_t index(const Vector3i& block) const {
+    return (static_cast<std::size_t>(block.z()) * static_cast<std::size_t>(count.y()) +
+            static_cast<std::size_t>(block.y())) *
+               static_cast<std::size_t>(count.x()) +
+           static_cast<std::size_t>(block.x());
+  }
+
+  /// Marks the neighbours of blocks marked `from` one less.
+  void spread(std::uint8_t from) {
+    const std::vector<std::uint8_t> before = marks;
+    for (int k = 1; k + 1 < count.z(); ++k)
+      for (int j = 1; j + 1 < count.y(); ++j)
+        for (int i = 1; i + 1 < count.x(); ++i) {
+          if (before[index({i, j, k})] != from) continue;
+          for (int n = 0; n < 27; ++n) {
+            std::uint8_t& m = marks[index({i + n % 3 - 1, j + n / 3 % 3 - 1, k + n / 9 - 1})];
+            m = std::max<std::uint8_t>(m, static_cast<std::uint8_t>(from - 1));
+          }
+        }
+  }
+};
+
+MarkedBlocks mark_blocks(const ScannedBody& body, const BeamGrid& beams) {
+  Vector3i low = Vector3i::Constant(std::numeric_limits<int>::max());
+  Vector3i high = Vector3i::Constant(std::numeric_limits<int>::min());
+  visit_beams(body, beams, [&](const Vector3i& block) {
+    low = low.cwiseMin(block);
+    high = high.cwiseMax(block);
+  });
+  // One block around for beams of finite width, one more for neighbouring nodes.
+  low.array() -= 2;
+  MarkedBlocks blocks{low, high - low + Vector3i::Constant(3), {}};
+  blocks.marks.assign(static_cast<std::size_t>(blocks.count.x()) *
+                          static_cast<std::size_t>(blocks.count.y()) *
+                          static_cast<std::size_t>(blocks.count.z()),
+                      kFar);
+  visit_beams(body, beams,
+              [&](const Vector3i& block) { blocks.marks[blocks.index(block - low)] = kPassed; });
+  blocks.spread(kPassed);
+  blocks.spread(kNext);
+  return blocks;
+}
+
 }  // namespace
 
 ScannedBody::ScannedBody(const Scene& scene, const Placement& placement,
@@ -50,53 +103,20 @@ Tissue ScannedBody::tissue(const Vector3d& p_ct_mm) const {
 
 TissueRaster::TissueRaster(const ScannedBody& body, const BeamGrid& beams,
                            const Progress& progress) {
-  Vector3i low = Vector3i::Constant(std::numeric_limits<int>::max());
-  Vector3i high = Vector3i::Constant(std::numeric_limits<int>::min());
-  visit_beams(body, beams, [&](const Vector3i& block) {
-    low = low.cwiseMin(block);
-    high = high.cwiseMax(block);
-  });
-  // One block around for beams of finite width, one more for neighbouring nodes.
-  low.array() -= 2;
-  const Vector3i count = high - low + Vector3i::Constant(3);
-  const auto index = [&](const Vector3i& block) {
-    return (static_cast<std::size_t>(block.z()) * static_cast<std::size_t>(count.y()) +
-            static_cast<std::size_t>(block.y())) *
-               static_cast<std::size_t>(count.x()) +
-           static_cast<std::size_t>(block.x());
-  };
-  // 3: a beam passes; 2: next to such a block; 1: next to that.
-  std::vector<std::uint8_t> mark(static_cast<std::size_t>(count.x()) *
-                                     static_cast<std::size_t>(count.y()) *
-                                     static_cast<std::size_t>(count.z()),
-                                 0);
-  visit_beams(body, beams, [&](const Vector3i& block) { mark[index(block - low)] = 3; });
-  const auto spread = [&](std::uint8_t from) {
-    const std::vector<std::uint8_t> before = mark;
-    for (int k = 1; k + 1 < count.z(); ++k)
-      for (int j = 1; j + 1 < count.y(); ++j)
-        for (int i = 1; i + 1 < count.x(); ++i) {
-          if (before[index({i, j, k})] != from) continue;
-          for (int n = 0; n < 27; ++n) {
-            std::uint8_t& m = mark[index({i + n % 3 - 1, j + n / 3 % 3 - 1, k + n / 9 - 1})];
-            m = std::max<std::uint8_t>(m, static_cast<std::uint8_t>(from - 1));
-          }
-        }
-  };
-  spread(3);
-  spread(2);
-
-  first_ = low * kBlock;
+  const MarkedBlocks marked = mark_blocks(body, beams);
+  const Vector3i& count = marked.count;
+  first_ = marked.low * kBlock;
   size_ = count * kBlock;
-  tissue_.assign(mark.size() * kBlock * kBlock * kBlock, static_cast<std::uint8_t>(Tissue::kGel));
+  tissue_.assign(marked.marks.size() * kBlock * kBlock * kBlock,
+                 static_cast<std::uint8_t>(Tissue::kGel));
   std::vector<Vector3i> evaluated;
   for (int k = 0; k < count.z(); ++k)
     for (int j = 0; j < count.y(); ++j)
       for (int i = 0; i < count.x(); ++i) {
-        const std::uint8_t m = mark[index({i, j, k})];
-        const Vector3i first = (low + Vector3i(i, j, k)) * kBlock;
-        if (m >= 1) evaluated.push_back(first);
-        if (m >= 2) blocks_.push_back(first);
+        const std::uint8_t mark = marked.marks[marked.index({i, j, k})];
+        const Vector3i first = (marked.low + Vector3i(i, j, k)) * kBlock;
+        if (mark >= kNextButOne) evaluated.push_back(first);
+        if (mark >= kNext) blocks_.push_back(first);
       }
   parallel_for(
       static_cast<int>(evaluated.size()),

@@ -11,8 +11,8 @@
 
 namespace usct::phantom {
 
-/// What the probe sees: the anatomy where it was during the ultrasound, with gel for the air
-/// between array and skin.
+/// The anatomy as the probe sees it: displaced to where it was during the ultrasound, with gel in
+/// place of the air between array and skin.
 class ScannedBody {
  public:
   /// `apices_probe_mm`: middles of the array's surface along the sweep, in the probe frame.
@@ -29,9 +29,9 @@ class ScannedBody {
   std::vector<Eigen::Vector3d> apices_probe_mm_;
 };
 
-/// Tissue at the nodes of a lattice that is fixed in CT coordinates, wherever beams pass. The node
-/// (i, j, k) lies at `kPitchMm * (i, j, k)`, whatever is scanned: scatterers that hang on the
-/// lattice stay in place.
+/// The tissue at those nodes of a lattice that beams pass. The lattice is fixed in CT coordinates,
+/// with the node (i, j, k) at `kPitchMm * (i, j, k)`, so that scatterers that belong to a node stay
+/// in place when the sweep changes.
 class TissueRaster {
  public:
   static constexpr double kPitchMm = 0.6;

@@ -13,7 +13,7 @@ namespace usct::phantom {
 /// Attenuation of sound on a grid of the probe frame.
 class AttenuationVolume {
  public:
-  /// One voxel's worth of way.
+  /// The effect of a tissue on sound, per mm of its path.
   struct Voxel {
     float db_per_mm;        // one way, at the transmit frequency
     float delay_mm_per_mm;  // range that the echo gains (or loses) by the tissue's own speed
@@ -46,15 +46,15 @@ class AttenuationVolume {
   std::vector<Voxel> voxels_;
 };
 
-/// What is left of the sound at the points of one frame: two-way amplitude, averaged over the rays
-/// of the aperture (so shadows have soft edges), and delays.
+/// The sound that remains at the points of one frame: two-way amplitude, averaged over the rays of
+/// the aperture (hence shadows have soft edges), and delays.
 struct TransmissionMap {
   static constexpr int kLineStep = 2;
   static constexpr double kDepthStepMm = 1.5;
 
   int lines = 0;             // nodes
   int depths = 0;            // nodes
-  std::vector<float> level;  // 1: all of it
+  std::vector<float> level;  // two-way amplitude, 1 without loss
   std::vector<float> delay_mm;
 
   struct Value {

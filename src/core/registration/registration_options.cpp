@@ -7,25 +7,6 @@
 namespace usct {
 namespace {
 
-void require_share(double value, const std::string& source, const std::string& field, double most) {
-  require(value >= 0.0 && value <= most, source, field, value,
-          "within [0, " + std::to_string(most) + "]");
-}
-
-void require_not_negative(double value, const std::string& source, const std::string& field) {
-  require(std::isfinite(value) && value >= 0.0, source, field, value, "finite and >= 0");
-}
-
-void require_positive(double value, const std::string& source, const std::string& field) {
-  require(is_positive(value), source, field, value, "finite and > 0");
-}
-
-void require_within(int value, int least, int most, const std::string& source,
-                    const std::string& field) {
-  require(value >= least && value <= most, source, field, value,
-          "within [" + std::to_string(least) + ", " + std::to_string(most) + "]");
-}
-
 OptimizerOptions bobyqa(double initial_step, double step_tolerance) {
   OptimizerOptions optimizer;
   optimizer.method = OptimizerMethod::kBobyqa;
@@ -97,7 +78,7 @@ RegistrationOptions::RegistrationOptions() {
 }
 
 void ClimbOptions::validate(const std::string& source) const {
-  if (spacing_mm) require_positive(*spacing_mm, source, "spacing_mm");
+  if (spacing_mm) require_positive(source, "spacing_mm", *spacing_mm);
   usct::validate(similarity, source + ".similarity");
   optimizer.validate(source + ".optimizer");
   // What every optimizer needs of a box.
@@ -112,10 +93,10 @@ void LevelOptions::validate(const std::string& source) const {
 }
 
 void RoundOptions::validate(const std::string& source) const {
-  require_within(most, 1, 6, source, "most");
-  require_within(growth, 1, 16, source, "growth");
-  require_within(breadth, 1, 64, source, "breadth");
-  require_within(deciding_breadth, 1, 64, source, "deciding_breadth");
+  require_within(source, "most", most, 1, 6);
+  require_within(source, "growth", growth, 1, 16);
+  require_within(source, "breadth", breadth, 1, 64);
+  require_within(source, "deciding_breadth", deciding_breadth, 1, 64);
   require(near_share > 0.0 && near_share <= 1.0, source, "near_share", near_share, "within (0, 1]");
 }
 
@@ -125,18 +106,18 @@ void SearchOptions::validate(const std::string& source) const {
   for (std::size_t i = 0; i < levels.size(); ++i)
     levels[i].validate(source + ".levels[" + std::to_string(i) + "]");
   rounds.validate(source + ".rounds");
-  require_not_negative(distinct_mm, source, "distinct_mm");
+  require_not_negative(source, "distinct_mm", distinct_mm);
   require(most_optima >= 1, source, "most_optima", most_optima, ">= 1");
-  require_not_negative(ct_margin_mm, source, "ct_margin_mm");
-  require_positive(ct_most_turn_rad, source, "ct_most_turn_rad");
+  require_not_negative(source, "ct_margin_mm", ct_margin_mm);
+  require_positive(source, "ct_most_turn_rad", ct_most_turn_rad);
 }
 
 void RefinementOptions::validate(const std::string& source) const {
   ClimbOptions::validate(source);
-  require_not_negative(ct_margin_mm, source, "ct_margin_mm");
+  require_not_negative(source, "ct_margin_mm", ct_margin_mm);
   constexpr double kMostError = 0.2;
-  require_share(depth_error, source, "depth_error", kMostError);
-  require_share(sweep_error, source, "sweep_error", kMostError);
+  require_within(source, "depth_error", depth_error, 0.0, kMostError);
+  require_within(source, "sweep_error", sweep_error, 0.0, kMostError);
   const SimilarityNeeds needs = needs_of(similarity);
   const std::string only = std::string("0: ") + similarity_name(similarity) + " cannot follow it";
   require(depth_error == 0.0 || needs.follows_depth_error, source, "depth_error", depth_error,
@@ -147,14 +128,14 @@ void RefinementOptions::validate(const std::string& source) const {
 
 void BackgroundOptions::validate(const std::string& source) const {
   require(count >= 16, source, "count", count, ">= 16");
-  require_positive(spread_rad, source, "spread_rad");
-  require_positive(spread_mm, source, "spread_mm");
-  require_not_negative(away_mm, source, "away_mm");
+  require_positive(source, "spread_rad", spread_rad);
+  require_positive(source, "spread_mm", spread_mm);
+  require_not_negative(source, "away_mm", away_mm);
 }
 
 void ScatterOptions::validate(const std::string& source) const {
   usct::validate(similarity, source + ".similarity");
-  require_positive(around_mm, source, "around_mm");
+  require_positive(source, "around_mm", around_mm);
   require(least_curvature > 0.0 && least_curvature <= 1.0, source, "least_curvature",
           least_curvature, "within (0, 1]");
 }
@@ -162,10 +143,10 @@ void ScatterOptions::validate(const std::string& source) const {
 void ConfidenceOptions::validate(const std::string& source) const {
   gates.validate(source + ".gates");
   background.validate(source + ".background");
-  require_not_negative(rival_mm, source, "rival_mm");
+  require_not_negative(source, "rival_mm", rival_mm);
   scatter.validate(source + ".scatter");
-  require_positive(deviation_factor, source, "deviation_factor");
-  require_not_negative(systematic_mm, source, "systematic_mm");
+  require_positive(source, "deviation_factor", deviation_factor);
+  require_not_negative(source, "systematic_mm", systematic_mm);
 }
 
 void RegistrationOptions::validate(const std::string& source) const {
@@ -173,7 +154,7 @@ void RegistrationOptions::validate(const std::string& source) const {
   require(outside_hu >= window.low_hu && outside_hu <= window.high_hu, source, "outside_hu",
           outside_hu, "within the window");
   if (conditioning_spacing_mm)
-    require_positive(*conditioning_spacing_mm, source, "conditioning_spacing_mm");
+    require_positive(source, "conditioning_spacing_mm", *conditioning_spacing_mm);
   conditioning.validate(source + ".conditioning");
   search.validate(source + ".search");
   if (refinement) refinement->validate(source + ".refinement");

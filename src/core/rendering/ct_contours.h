@@ -12,7 +12,7 @@ namespace usct::rendering {
 void draw_contours(Picture& picture, const CtVolume& ct, const Eigen::Isometry3d& T_us_ct,
                    const SlicePlane& plane, const RegistrationPictureOptions& options);
 
-/// The levels of RegistrationPictureOptions::levels where none is given: of what lies in the planes
+/// The levels to draw if RegistrationPictureOptions::levels is empty, from the CT in the planes
 /// within the mask.
 std::vector<ContourLevel> choose_levels(const CtVolume& ct, const Eigen::Isometry3d& T_us_ct,
                                         const MaskVolume& mask,

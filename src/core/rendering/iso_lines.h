@@ -11,18 +11,19 @@ struct Segment {
   cv::Point2d to;
 };
 
-/// Where `values`, linear between pixels, pass `level` (marching squares); only between pixels that
-/// are all `known`. Lines shorter than `least_length_px` in all are left out: they are noise.
+/// The lines on which `values`, linear between pixels, equal `level` (marching squares), in squares
+/// of which all four pixels are `known`. Connected lines of a total length below `least_length_px`
+/// are noise and left out.
 std::vector<Segment> iso_lines(const cv::Mat1f& values, const cv::Mat1b& known, float level,
                                double least_length_px);
 
-/// A value between those of two kinds of pixels: it parts `values` so that the variance between
-/// the parts is largest (Otsu 1979). `separation` is that variance as a fraction of the whole: 0.64
-/// for a single normal distribution, 0.75 for an even one, near 1 for two narrow ones.
+/// The threshold that divides `values` into two classes with the largest variance between them
+/// (Otsu 1979). `separation` is that variance as a fraction of the whole: 0.64 for a single normal
+/// distribution, 0.75 for an even one, near 1 for two narrow ones.
 struct Threshold {
   double value = 0.0;
   double separation = 0.0;
-  /// Fraction of the values above it.
+  /// The fraction of the values above the threshold.
   double above = 0.0;
 };
 Threshold otsu_threshold(std::vector<float> values);

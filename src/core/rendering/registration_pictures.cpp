@@ -1,19 +1,19 @@
 #include "us_ct_registration/rendering/registration_pictures.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <sstream>
 
-#include "rendering/ct_contours.h"
-#include "us_ct_registration/error.h"
+#include "rendering/registration_panels.h"
+#include "require.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
+using rendering::Panels;
 
 const Picture::Colour kRefusedColour(225, 0, 0);
 const Picture::Colour kHeaderColour(30, 30, 30);
@@ -25,65 +25,7 @@ constexpr int kParallelSlices = 5;
 /// Parallel slices leave out the ends of the field, where there is little to judge by.
 constexpr double kFirstSlice = 0.2;
 
-/// A factor on brightness that makes the brightest percent white, so that weak ultrasound shows.
-double display_gain(const ScanConverted& us) {
-  constexpr double kLargestGain = 4.0;
-  std::array<std::size_t, 256> histogram{};
-  std::size_t known = 0;
-  for (std::size_t i = 0; i < us.volume.voxels.size(); ++i)
-    if (us.mask.voxels[i] != 0) {
-      ++histogram[us.volume.voxels[i]];
-      ++known;
-    }
-  int brightness = 255;
-  for (std::size_t above = 0; brightness > 1; --brightness) {
-    above += histogram[static_cast<std::size_t>(brightness)];
-    if (100 * above >= known) break;
-  }
-  return std::min(kLargestGain, 255.0 / brightness);
-}
-
-/// What the ultrasound knows, along the axes of the pictures: its middle, and a box around it.
-struct Field {
-  Vector3d middle_mm = Vector3d::Zero();
-  Eigen::AlignedBox3d box_mm;
-};
-
-Field field_along(const Eigen::Matrix3d& axes_us, const MaskVolume& mask) {
-  const Eigen::Affine3d T_axes_index = axes_us.transpose() * mask.grid.T_physical_index();
-  Field field;
-  double known = 0.0;
-  for (int k = 0; k < mask.grid.size.z(); ++k)
-    for (int j = 0; j < mask.grid.size.y(); ++j)
-      for (int i = 0; i < mask.grid.size.x(); ++i)
-        if (mask.at(i, j, k) != 0) {
-          const Vector3d p = T_axes_index * Vector3d(i, j, k);
-          field.box_mm.extend(p);
-          field.middle_mm += p;
-          known += 1.0;
-        }
-  if (known == 0.0) throw InputError("ultrasound", "its mask is empty, must know something");
-  field.middle_mm /= known;
-  return field;
-}
-
-/// As `orthogonal_planes`, along other axes.
-std::array<SlicePlane, 3> planes_along(const Eigen::Matrix3d& axes_us, const Field& field,
-                                       const RegistrationPictureOptions& options) {
-  const Vector3d centre_mm = options.centre_us_mm
-                                 ? Vector3d(axes_us.transpose() * *options.centre_us_mm)
-                                 : field.middle_mm;
-  const Grid extent = grid_around_box(field.box_mm.min(), field.box_mm.max(), options.pixel_mm);
-  std::array<SlicePlane, 3> planes = orthogonal_planes(extent, centre_mm, options.pixel_mm);
-  for (SlicePlane& plane : planes) {
-    plane.centre_mm = axes_us * plane.centre_mm;
-    plane.right = axes_us * plane.right;
-    plane.down = axes_us * plane.down;
-  }
-  return planes;
-}
-
-/// What a registration leaves to draw: its transform, or the best that it refused.
+/// The transform of a registration, or its best candidate if it was refused.
 std::optional<Isometry3d> pose_after(const RegistrationResult& result) {
   if (result.T_us_ct) return result.T_us_ct;
   if (!result.candidates.empty()) return result.candidates.front().T_us_ct;
@@ -97,90 +39,6 @@ Isometry3d required_pose(const RegistrationResult& result) {
 }
 
 bool is_refused(const RegistrationResult& result) { return !result.T_us_ct.has_value(); }
-
-int text_width_px(const std::string& text) {
-  int baseline = 0;
-  return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, 0.45, 1, &baseline).width;
-}
-
-/// Ultrasound is grey, its surroundings dark blue.
-bool is_unknown(const std::uint8_t* pixel) { return pixel[0] != pixel[2]; }
-
-/// Draws the panels of one registration, all with the same levels and brightness.
-class Panels {
- public:
-  Panels(const ScanConverted& us, const CtVolume& ct, const Isometry3d& T_us_ct_of_levels,
-         const RegistrationPictureOptions& options)
-      : us_(us), ct_(ct), options_(options), gain_(display_gain(us)) {
-    options.validate("registration pictures");
-    field_ = field_along(options.axes_us, us.mask);
-    planes_ = planes_along(options.axes_us, field_, options);
-    if (options.levels.empty())
-      options_.levels =
-          rendering::choose_levels(ct, T_us_ct_of_levels, us.mask, planes_, options.smoothing_mm);
-  }
-
-  const std::array<SlicePlane, 3>& planes() const { return planes_; }
-
-  /// Parallel to `plane`, a fraction of the field's extent from its start; `at_mm` along the
-  /// normal.
-  SlicePlane parallel(SlicePlane plane, double fraction, double& at_mm) const {
-    const Vector3d normal = plane.right.cross(plane.down);
-    const Vector3d along = (options_.axes_us.transpose() * normal).cwiseAbs();
-    at_mm = along.dot(field_.box_mm.min() + fraction * field_.box_mm.sizes());
-    const Vector3d axis = options_.axes_us * along;
-    plane.centre_mm += (at_mm - axis.dot(plane.centre_mm)) * axis;
-    return plane;
-  }
-
-  Picture ultrasound(const SlicePlane& plane) const {
-    Picture picture = render_us(us_.volume, us_.mask, plane);
-    for (std::size_t i = 0; i < picture.pixels.size(); i += 3) {
-      std::uint8_t* pixel = &picture.pixels[i];
-      if (is_unknown(pixel)) continue;
-      std::fill_n(pixel, 3, static_cast<std::uint8_t>(std::min(255.0, gain_ * pixel[0])));
-    }
-    return picture;
-  }
-
-  Picture computed(const SlicePlane& plane, const Isometry3d& T_us_ct) const {
-    return render_ct(ct_, T_us_ct, options_.window, plane);
-  }
-
-  Picture with_contours(Picture picture, const SlicePlane& plane, const Isometry3d& T_us_ct) const {
-    rendering::draw_contours(picture, ct_, T_us_ct, plane, options_);
-    return picture;
-  }
-
-  /// Lines fade where there is no ultrasound to judge them by.
-  Picture overlay(const SlicePlane& plane, const Isometry3d& T_us_ct) const {
-    const Picture alone = ultrasound(plane);
-    Picture picture = with_contours(alone, plane, T_us_ct);
-    for (std::size_t i = 0; i < picture.pixels.size(); ++i)
-      if (is_unknown(&alone.pixels[i - i % 3]))
-        picture.pixels[i] =
-            static_cast<std::uint8_t>((picture.pixels[i] + 2 * alone.pixels[i]) / 3);
-    return picture;
-  }
-
-  /// The names of the levels in their colours.
-  void draw_legend(Picture& header, int x, int y) const {
-    for (const ContourLevel& level : options_.levels) {
-      std::ostringstream text;
-      text << "-- " << level.name << " (" << std::lround(level.hu) << " HU)";
-      draw_text(header, text.str(), x, y, level.colour);
-      x += text_width_px(text.str()) + 3 * kMarginPx;
-    }
-  }
-
- private:
-  const ScanConverted& us_;
-  const CtVolume& ct_;
-  RegistrationPictureOptions options_;
-  double gain_;
-  Field field_;
-  std::array<SlicePlane, 3> planes_;
-};
 
 using Row = std::vector<Picture>;
 
@@ -288,25 +146,17 @@ Picture parallel_sheet(const Panels& panels, const Isometry3d& T_us_ct,
 }  // namespace
 
 void RegistrationPictureOptions::validate(const std::string& source) const {
-  const auto require = [&](bool valid, const char* field, double value, const char* constraint) {
-    if (valid) return;
-    std::ostringstream violation;
-    violation << "'" << field << "' is " << value << ", must be " << constraint;
-    throw InputError(source, violation.str());
-  };
-  require(std::isfinite(pixel_mm) && pixel_mm > 0.0, "pixel_mm", pixel_mm, "> 0");
-  require(std::isfinite(smoothing_mm) && smoothing_mm >= 0.0, "smoothing_mm", smoothing_mm, ">= 0");
-  require(std::isfinite(least_length_mm) && least_length_mm >= 0.0, "least_length_mm",
-          least_length_mm, ">= 0");
-  require(window.low_hu < window.high_hu, "window.high_hu", window.high_hu, "> window.low_hu");
+  require_positive(source, "pixel_mm", pixel_mm);
+  require_not_negative(source, "smoothing_mm", smoothing_mm);
+  require_not_negative(source, "least_length_mm", least_length_mm);
+  require(window.low_hu < window.high_hu, source, "window.high_hu", window.high_hu,
+          "> window.low_hu");
   for (const ContourLevel& level : levels)
-    require(std::isfinite(level.hu), "levels.hu", level.hu, "finite");
+    require(std::isfinite(level.hu), source, "levels.hu", level.hu, "finite");
   if (centre_us_mm)
     for (const double coordinate : *centre_us_mm)
-      require(std::isfinite(coordinate), "centre_us_mm", coordinate, "finite");
-  const double skew = (axes_us.transpose() * axes_us - Eigen::Matrix3d::Identity()).norm();
-  require(skew < 1e-4 && axes_us.determinant() > 0.0, "axes_us (determinant)",
-          axes_us.determinant(), "a rotation");
+      require(std::isfinite(coordinate), source, "centre_us_mm", coordinate, "finite");
+  require_rotation(axes_us, source, "axes_us", 1e-4);
 }
 
 Eigen::Matrix3d picture_axes(const Ultrasound& ultrasound) {

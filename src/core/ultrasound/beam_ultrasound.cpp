@@ -19,8 +19,7 @@ bool all_finite(const std::vector<float>& values) {
 void BeamUltrasound::validate(const std::string& source) const {
   const std::size_t count = beams.beams.size() * static_cast<std::size_t>(beams.samples());
   require(count > 0, source, "samples", static_cast<double>(count), "> 0");
-  require(is_positive(beams.axial.spacing_mm), source, "spacing_mm", beams.axial.spacing_mm,
-          "finite and > 0");
+  require_positive(source, "spacing_mm", beams.axial.spacing_mm);
   require(brightness.size() == count, source, "brightness", static_cast<double>(brightness.size()),
           "one value per sample of the beam grid");
   require(known.empty() || known.size() == count, source, "known",

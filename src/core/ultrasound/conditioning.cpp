@@ -113,32 +113,28 @@ std::size_t ConditionedUltrasound::counting() const {
 }
 
 void ConditioningOptions::validate(const std::string& source) const {
-  const auto not_negative = [&](const char* field, double value) {
-    require(std::isfinite(value) && value >= 0.0, source, field, value, "finite and >= 0");
-  };
   const auto share = [&](const char* field, double value) {
     require(value >= 0.0 && value < 1.0, source, field, value, "within [0, 1)");
   };
-  not_negative("smoothing_mm", smoothing_mm);
-  require(is_positive(window_mm), source, "window_mm", window_mm, "finite and > 0");
-  require(is_positive(least_deviation), source, "least_deviation", least_deviation,
-          "finite and > 0");
-  if (depth.min_mm) not_negative("depth.min_mm", *depth.min_mm);
-  if (depth.max_mm) not_negative("depth.max_mm", *depth.max_mm);
+  require_not_negative(source, "smoothing_mm", smoothing_mm);
+  require_positive(source, "window_mm", window_mm);
+  require_positive(source, "least_deviation", least_deviation);
+  if (depth.min_mm) require_not_negative(source, "depth.min_mm", *depth.min_mm);
+  if (depth.max_mm) require_not_negative(source, "depth.max_mm", *depth.max_mm);
   if (depth.min_mm && depth.max_mm)
     require(*depth.min_mm < *depth.max_mm, source, "depth.min_mm", *depth.min_mm, "< depth.max_mm");
-  not_negative("depth.near_field_mm", depth.near_field_mm);
-  not_negative("depth.near_field_limit_mm", depth.near_field_limit_mm);
+  require_not_negative(source, "depth.near_field_mm", depth.near_field_mm);
+  require_not_negative(source, "depth.near_field_limit_mm", depth.near_field_limit_mm);
   if (depth.far_wall_share)
     require(*depth.far_wall_share > 0.0 && *depth.far_wall_share <= 1.0, source,
             "depth.far_wall_share", *depth.far_wall_share, "within (0, 1]");
-  not_negative("depth.far_wall_margin_mm", depth.far_wall_margin_mm);
+  require_not_negative(source, "depth.far_wall_margin_mm", depth.far_wall_margin_mm);
   if (saturated_grey)
     require(*saturated_grey > 0.0, source, "saturated_grey", *saturated_grey, "> 0");
   share("no_contact_share", no_contact_share);
   share("shadow_share", shadow_share);
-  not_negative("visible_grey", visible_grey);
-  not_negative("min_shadow_mm", min_shadow_mm);
+  require_not_negative(source, "visible_grey", visible_grey);
+  require_not_negative(source, "min_shadow_mm", min_shadow_mm);
 }
 
 ConditionedUltrasound condition(const BeamUltrasound& ultrasound,

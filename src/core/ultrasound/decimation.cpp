@@ -101,7 +101,7 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
 }
 
 Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm) {
-  require(is_positive(spacing_mm), "decimation", "spacing_mm", spacing_mm, "finite and > 0");
+  require_positive("decimation", "spacing_mm", spacing_mm);
   const double middle = 0.5 * (beams.samples() - 1);
   const double line_mm = mean_step_mm(
       beams.lines, [&](int line) { return beams.point(beams.frames / 2, line, middle); });

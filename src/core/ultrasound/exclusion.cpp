@@ -8,7 +8,6 @@
 #include "parallel.h"
 #include "require.h"
 #include "ultrasound/gaussian_sums.h"
-#include "ultrasound/selection.h"
 
 namespace usct {
 namespace {
@@ -24,12 +23,18 @@ constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-/// Changes their order.
+/// The value that `n` others come before in order; reorders the values.
+template <typename Value>
+Value nth_value(std::vector<Value>& values, std::size_t n) {
+  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(n);
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
+/// Reorders the values.
 template <typename Value>
 Value median(std::vector<Value>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return nth_value(values, values.size() / 2);
 }
 
 class Exclusion {
@@ -105,9 +110,8 @@ class Exclusion {
             values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
       for (int s = first; s < last; ++s) {
         std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
-        result[static_cast<std::size_t>(s)] = column.empty()
-                                                  ? std::numeric_limits<double>::quiet_NaN()
-                                                  : nth_value(column, column.size() / 2);
+        result[static_cast<std::size_t>(s)] =
+            column.empty() ? std::numeric_limits<double>::quiet_NaN() : median(column);
       }
     });
     return result;

@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "parallel.h"
-#include "ultrasound/row_sums.h"
+#include "volume/combine_rows.h"
 
 namespace usct {
 namespace {
@@ -196,14 +196,14 @@ void GaussianSums::sum_within_frames(std::vector<float>& values) const {
       rows.push_back({weights[i].data(), padded.data() + i});
     for (std::size_t line = 0; line < line_taps_.size(); ++line) {
       std::copy_n(values.data() + start + line * row, row, padded.data() + reach);
-      sum_rows(rows.data(), rows.size(), row, along.data() + line * row);
+      combine_rows(rows.data(), rows.size(), row, along.data() + line * row);
     }
     for (std::size_t line = 0; line < line_taps_.size(); ++line) {
       rows.clear();
       for (const Tap& tap : line_taps_[line])
         rows.push_back(
             {tap.weights.data(), along.data() + static_cast<std::size_t>(tap.row) * row});
-      sum_rows(rows.data(), rows.size(), row, values.data() + start + line * row);
+      combine_rows(rows.data(), rows.size(), row, values.data() + start + line * row);
     }
   });
 }
@@ -220,7 +220,7 @@ void GaussianSums::sum_across_frames(std::vector<float>& values) const {
       for (const Tap& tap : frame_taps_[frame])
         rows.push_back(
             {tap.weights.data(), start + static_cast<std::size_t>(tap.row) * frame_size});
-      sum_rows(rows.data(), rows.size(), row, sums.data() + frame * row);
+      combine_rows(rows.data(), rows.size(), row, sums.data() + frame * row);
     }
     for (std::size_t frame = 0; frame < frame_taps_.size(); ++frame)
       std::copy_n(sums.data() + frame * row, row, start + frame * frame_size);

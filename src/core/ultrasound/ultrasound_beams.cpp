@@ -12,8 +12,7 @@ constexpr const char* kSource = "ultrasound";
 UltrasoundBeams beams_of(const Ultrasound& ultrasound, const BeamOptions& options,
                          const Progress& progress) {
   if (options.parallel_beams_mm)
-    require(is_positive(*options.parallel_beams_mm), kSource, "parallel_beams_mm",
-            *options.parallel_beams_mm, "finite and > 0");
+    require_positive(kSource, "parallel_beams_mm", *options.parallel_beams_mm);
   if (const auto* volume = std::get_if<UsVolume>(&ultrasound))
     return {along_beams(*volume, options.mask, options.axis), {}, volume->grid};
   if (!options.mask.voxels.empty())

@@ -13,8 +13,6 @@
 /// Random but valid geometry for property tests.
 namespace usct::test {
 
-constexpr double kDegree = kPi / 180.0;
-
 /// An integer in [low, high), from the whole range in every run (rapidcheck starts small).
 inline int integer(int low, int high) {
   return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(low, high));

@@ -7,6 +7,7 @@
 
 #include "random_geometry.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/motor_calibration.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
 
@@ -14,7 +15,6 @@ namespace usct {
 namespace {
 
 using test::integer;
-using test::kDegree;
 using test::uniform;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();

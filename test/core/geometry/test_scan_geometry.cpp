@@ -6,13 +6,13 @@
 
 #include "random_geometry.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
 
 namespace usct {
 namespace {
 
 using test::integer;
-using test::kDegree;
 using test::random_axial;
 using test::random_curvilinear;
 using test::random_motorised;
@@ -178,13 +178,13 @@ TEST(ScanGeometryValidation, NamesFieldValueAndConstraint) {
   const std::vector<std::pair<std::function<void(ScanGeometry&)>, std::string>> cases = {
       {[](ScanGeometry& g) { g.axial.samples = 1; }, "has 1 samples per line, must be >= 2"},
       {[](ScanGeometry& g) { g.axial.spacing_mm = -0.3; },
-       "'sample_spacing_mm' is -0.300000, must be finite and > 0"},
+       "'sample_spacing_mm' is -0.3, must be finite and > 0"},
       {[=](ScanGeometry& g) { g.axial.spacing_mm = nan; },
        "'sample_spacing_mm' is nan, must be finite and > 0"},
       {[](ScanGeometry& g) { g.axial.start_depth_mm = -1.0; },
-       "'start_depth_mm' is -1.000000, must be finite and >= 0"},
+       "'start_depth_mm' is -1, must be finite and >= 0"},
       {[=](ScanGeometry& g) { array(g).probe_radius_mm = 0.0; },
-       "'probe_radius_mm' is 0.000000, must be finite and > 0"},
+       "'probe_radius_mm' is 0, must be finite and > 0"},
       {[=](ScanGeometry& g) { array(g).line_angles_rad = {0.0}; },
        "'line_angles_rad' has 1 entries, must have at least 2"},
       {[=](ScanGeometry& g) {
@@ -192,7 +192,7 @@ TEST(ScanGeometryValidation, NamesFieldValueAndConstraint) {
        },
        "'line_angles_rad' entry 1 is 95.000000 degrees, must be within +-90 degrees"},
       {[=](ScanGeometry& g) { sweep(g).motor_radius_mm = -27.0; },
-       "'motor_radius_mm' is -27.000000, must be finite and > 0"},
+       "'motor_radius_mm' is -27, must be finite and > 0"},
       {[=](ScanGeometry& g) {
          sweep(g).frame_angles_rad = {0.0, 0.1, 0.1};
        },

@@ -4,6 +4,7 @@
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 
 namespace usct {
@@ -91,7 +92,7 @@ class DicomIrregular : public testing::Test {
 };
 
 TEST_F(DicomIrregular, GantryTilt) {
-  const double tangent = std::tan(18.5 * M_PI / 180.0);
+  const double tangent = std::tan(radians(18.5));
   for (int k = 0; k < 6; ++k) add(2.0 * k, 0.0, -2.0 * k * tangent);
   write();
   expect_input_error([&] { read_dicom_ct(folder_.path()); },

@@ -5,6 +5,7 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
+#include "test_paths.h"
 #include "us_ct_registration/io/formats.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"

@@ -6,6 +6,7 @@
 
 #include "core/io/bad_files.h"
 #include "test_data.h"
+#include "test_paths.h"
 #include "us_ct_registration/io/ultrasound/igsio.h"
 
 namespace usct {

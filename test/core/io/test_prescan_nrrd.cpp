@@ -57,7 +57,7 @@ TEST(PreScanNrrd, ReadsAMotorisedSweepWrittenByHand) {
   EXPECT_EQ(sweep.motor_radius_mm, 27.25);
   EXPECT_NEAR(sweep.frame_angles_rad[0], -kPi / 6, 1e-15);
   EXPECT_NEAR(sweep.frame_angles_rad[1], kPi / 3, 1e-15);
-  EXPECT_NEAR(sweep.frame_travel_rad, -0.5 * kPi / 180, 1e-15);
+  EXPECT_NEAR(sweep.frame_travel_rad, -0.5 * kDegree, 1e-15);
   EXPECT_EQ(volume.at(2, 1, 0), 'f');  // samples fastest, then lines
   EXPECT_EQ(volume.at(0, 0, 1), 'g');
 }

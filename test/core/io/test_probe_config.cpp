@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "core/io/bad_files.h"
+#include "test_paths.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/probe_config.h"
 
 namespace usct {
@@ -9,8 +11,6 @@ namespace {
 using test::expect_input_error;
 using test::spit;
 using test::TemporaryFolder;
-
-constexpr double kRadians = 3.14159265358979323846 / 180.0;
 
 const std::filesystem::path kProbes = std::filesystem::path(USCT_SOURCE_DIR) / "config" / "probes";
 
@@ -70,15 +70,15 @@ TEST(ProbeConfig, The4DC7IsAsPublished) {
   EXPECT_NEAR(geometry.axial.spacing_mm, 0.308, 1e-12);
   EXPECT_EQ(motor_of(geometry).motor_radius_mm, 27.25);
   const std::vector<double>& angles = motor_of(geometry).frame_angles_rad;
-  EXPECT_NEAR(angles[1] - angles[0], 0.7317 * kRadians, 1e-12);
+  EXPECT_NEAR(angles[1] - angles[0], 0.7317 * kDegree, 1e-12);
   EXPECT_NEAR(angles.front() + angles.back(), 0.0, 1e-12);
 }
 
 TEST(ProbeConfig, TheGeometryOfThePlusConfigurations) {
   const auto curved =
       std::get<CurvilinearArray>(read_probe_config(kProbes / "bpc8-4_10.yaml").array);
-  EXPECT_NEAR(curved.line_angles_rad.front(), -75.0 * kRadians, 1e-12);
-  EXPECT_NEAR(curved.line_angles_rad.back(), 75.0 * kRadians, 1e-12);
+  EXPECT_NEAR(curved.line_angles_rad.front(), -75.0 * kDegree, 1e-12);
+  EXPECT_NEAR(curved.line_angles_rad.back(), 75.0 * kDegree, 1e-12);
   const auto linear = std::get<LinearArray>(read_probe_config(kProbes / "l9-4_38.yaml").array);
   EXPECT_NEAR(linear.line_positions_mm.back() - linear.line_positions_mm.front(), 38.0 * 127 / 128,
               1e-12);
@@ -162,7 +162,7 @@ TEST(ProbeConfig, RecoversTheExactStepFromATruncatedOne) {
     frames.frame_pitch_millidegrees = millidegrees;
     const std::vector<double> angles =
         motor_of(motorised_geometry(probe, frames, "file.vol")).frame_angles_rad;
-    return (angles[1] - angles[0]) / kRadians;
+    return (angles[1] - angles[0]) / kDegree;
   };
   EXPECT_NEAR(pitch(open, 731), 0.7317, 1e-12);
   EXPECT_NEAR(pitch(open, 1463), 1.4634, 1e-12);
@@ -186,9 +186,9 @@ TEST(ProbeConfig, ACalibratedTableRulesOverTheNominalStep) {
   RecordedFrames frames = recorded(5);
   frames.frame_pitch_millidegrees = 731;  // the mean of the table is 675
   const MotorSweep sweep = motor_of(motorised_geometry(calibrated(), frames, "file.vol"));
-  EXPECT_NEAR(sweep.frame_angles_rad[1], -0.6 * kRadians, 1e-15);
-  EXPECT_NEAR(sweep.frame_angles_rad[3], 0.75 * kRadians, 1e-15);
-  EXPECT_NEAR(sweep.frame_travel_rad, 0.7 * kRadians, 1e-15);
+  EXPECT_NEAR(sweep.frame_angles_rad[1], -0.6 * kDegree, 1e-15);
+  EXPECT_NEAR(sweep.frame_angles_rad[3], 0.75 * kDegree, 1e-15);
+  EXPECT_NEAR(sweep.frame_travel_rad, 0.7 * kDegree, 1e-15);
   frames.frame_pitch_millidegrees = 1463;  // another number of motor steps per frame
   expect_input_error([&] { motorised_geometry(calibrated(), frames, "file.vol"); },
                      {"file.vol", "1463", "25 %", "675"});
@@ -200,10 +200,10 @@ TEST(ProbeConfig, ABackwardSweepHasItsAnglesReversedAndTravelsBack) {
   RecordedFrames frames = recorded(5);
   frames.backward = true;
   const MotorSweep sweep = motor_of(motorised_geometry(calibrated(), frames, "test"));
-  EXPECT_NEAR(sweep.frame_angles_rad.front(), 1.5 * kRadians, 1e-15);
-  EXPECT_NEAR(sweep.frame_angles_rad[1], 0.75 * kRadians, 1e-15);
-  EXPECT_NEAR(sweep.frame_angles_rad.back(), -1.2 * kRadians, 1e-15);
-  EXPECT_NEAR(sweep.frame_travel_rad, -0.7 * kRadians, 1e-15);
+  EXPECT_NEAR(sweep.frame_angles_rad.front(), 1.5 * kDegree, 1e-15);
+  EXPECT_NEAR(sweep.frame_angles_rad[1], 0.75 * kDegree, 1e-15);
+  EXPECT_NEAR(sweep.frame_angles_rad.back(), -1.2 * kDegree, 1e-15);
+  EXPECT_NEAR(sweep.frame_travel_rad, -0.7 * kDegree, 1e-15);
 }
 
 TEST(ProbeConfig, AProbeFitsItsData) {
@@ -238,7 +238,7 @@ TEST(ProbeConfig, WhatIsWrittenComesBack) {
   EXPECT_EQ(back.sampling.start_depth_mm, 1.0);
   for (std::size_t i = 0; i < 3; ++i)
     EXPECT_NEAR(std::get<CurvilinearArray>(back.array).line_angles_rad[i],
-                (static_cast<double>(i) - 1.0) * 10.0 * kRadians, 1e-12);
+                (static_cast<double>(i) - 1.0) * 10.0 * kDegree, 1e-12);
   // Evenly spaced lines stay readable, uneven ones stay exact.
   const test::FileBytes even = test::slurp(path);
   EXPECT_NE(std::string(even.begin(), even.end()).find("line_pitch_deg: "), std::string::npos);

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "core/io/bad_files.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/propello.h"
 
 namespace usct {
@@ -13,7 +14,6 @@ using test::spit;
 using test::TemporaryFolder;
 
 constexpr std::int32_t kMax = std::numeric_limits<std::int32_t>::max();
-constexpr double kRadians = 3.14159265358979323846 / 180.0;
 
 /// A file made from the published layout, byte by byte, not by our writer.
 struct File {
@@ -36,7 +36,7 @@ PropelloVolumes read(const File& file) {
 ProbeConfig probe() {
   ProbeConfig config;
   config.array = CurvilinearArray{40.0, {-0.1, 0.0, 0.1}};
-  config.motor = ProbeMotor{27.25, 0.182925 * kRadians, {}, {}, 0.01};
+  config.motor = ProbeMotor{27.25, 0.182925 * kDegree, {}, {}, 0.01};
   config.sampling.sample_spacing_mm = 0.308;
   return config;
 }
@@ -49,7 +49,7 @@ TEST(Propello, AVolumeBecomesAPreScanVolume) {
   EXPECT_EQ(volume.at(1, 2, 1), 12 + 2 * 4 + 1);
   const auto& sweep = std::get<MotorSweep>(volume.geometry.motion);
   // 731 is 4 steps of 0.182925 degrees, truncated: the lost 0.7 thousandths come back.
-  EXPECT_NEAR(sweep.frame_angles_rad[1] - sweep.frame_angles_rad[0], 0.7317 * kRadians, 1e-14);
+  EXPECT_NEAR(sweep.frame_angles_rad[1] - sweep.frame_angles_rad[0], 0.7317 * kDegree, 1e-14);
   EXPECT_EQ(sweep.frame_travel_rad, 0.01);
 }
 

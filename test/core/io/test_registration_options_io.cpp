@@ -9,6 +9,8 @@
 
 #include "core/io/any_registration_options.h"
 #include "core/io/bad_files.h"
+#include "test_paths.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {

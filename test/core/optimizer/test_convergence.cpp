@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/optimizer/test_problems.h"
+#include "us_ct_registration/geometry/angles.h"
 
 /// Each method finds minima that are known from the formula, from several starts.
 namespace usct::test {
@@ -157,8 +158,7 @@ TEST_P(EachMethodForNoise, Improves) {
 /// A bowl in which egg-box minima 2 mm apart trap whoever sees only slopes.
 double rastrigin(const Eigen::VectorXd& x) {
   const double period_mm = 2.0;
-  return x.squaredNorm() / 100.0 +
-         0.05 * (1.0 - (x.array() * (2.0 * M_PI / period_mm)).cos()).sum();
+  return x.squaredNorm() / 100.0 + 0.05 * (1.0 - (x.array() * (2.0 * kPi / period_mm)).cos()).sum();
 }
 
 TEST(CmaEs, GoesThroughLocalMinimaToTheGlobalOne) {

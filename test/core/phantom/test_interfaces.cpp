@@ -3,11 +3,10 @@
 #include <algorithm>
 
 #include "core/phantom/simple_scenes.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom::test {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 /// Agar over fat, both without scatterers: the only echo is the interface's. The plane passes
 /// (0, depth, 0), tilted about the elevation axis.

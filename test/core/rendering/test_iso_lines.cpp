@@ -3,6 +3,7 @@
 #include <random>
 
 #include "rendering/iso_lines.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct::rendering {
 namespace {
@@ -77,7 +78,7 @@ TEST(OtsuThreshold, SeparationOfOneKindIsTwoOverPi) {
   std::normal_distribution<float> one(40.0F, 8.0F);
   std::vector<float> values(20000);
   for (float& value : values) value = one(generator);
-  EXPECT_NEAR(otsu_threshold(values).separation, 2.0 / 3.14159265, 0.01);
+  EXPECT_NEAR(otsu_threshold(values).separation, 2.0 / kPi, 0.01);
   EXPECT_EQ(otsu_threshold({}).separation, 0.0);
   EXPECT_EQ(otsu_threshold({5.0F, 5.0F, 5.0F}).separation, 0.0);
 }

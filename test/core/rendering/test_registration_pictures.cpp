@@ -5,6 +5,7 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 
 namespace usct::test {
@@ -82,7 +83,7 @@ void expect_circle(const std::vector<Eigen::Vector2d>& positions_mm,
   for (const Eigen::Vector2d& position : positions_mm) {
     const Eigen::Vector2d from_centre = position - centre_mm;
     EXPECT_NEAR(from_centre.norm(), radius_mm, 1.6 * kPixelMm);
-    const double turn = std::atan2(from_centre.y(), from_centre.x()) / (2.0 * M_PI) + 0.5;
+    const double turn = std::atan2(from_centre.y(), from_centre.x()) / (2.0 * kPi) + 0.5;
     ++sectors[static_cast<std::size_t>(36.0 * turn) % 36];
   }
   EXPECT_EQ(std::count(sectors.begin(), sectors.end(), 0), 0);
@@ -143,7 +144,7 @@ TEST(RegistrationPictures, PlanesMeetInTheMiddleOfTheField) {
 
 TEST(RegistrationPictures, AxesTurnThePlanes) {
   RegistrationPictureOptions options = green_line();
-  options.axes_us = Eigen::AngleAxisd(0.5 * M_PI, Vector3d::UnitZ()).matrix();  // right is US y
+  options.axes_us = Eigen::AngleAxisd(0.5 * kPi, Vector3d::UnitZ()).matrix();  // right is US y
   const Vector3d after(-6, 3, 0);
   const Picture sheet = picture_registration(dark_field(), ball_in_ct(), Isometry3d::Identity(),
                                              registered(pose_of_ball(after, 0.3)), options);

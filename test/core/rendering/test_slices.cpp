@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/rendering/slices.h"
 
 namespace usct {
@@ -23,7 +24,7 @@ TEST(Slices, ACtVoxelIsDrawnWhereTheTransformPutsIt) {
   ct.at(15, 10, 10) = 340;  // at (5, 0, 0) mm in the CT
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   T_us_ct.linear() =  // x to y: the voxel comes to lie at (0, 5, 0) + (2, 0, 0)
-      Eigen::AngleAxisd(0.5 * 3.14159265358979, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      Eigen::AngleAxisd(0.5 * kPi, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   T_us_ct.translation() = Eigen::Vector3d(2, 0, 0);
   const auto planes = orthogonal_planes(cube(21), Eigen::Vector3d::Zero(), 1.0);
   const Picture picture = render_ct(ct, T_us_ct, {}, planes[0]);  // x right, y down

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/rendering/surface.h"
 
 namespace usct {
@@ -64,7 +65,7 @@ double worst_distance_mm(const Surface& surface, const Eigen::Vector3d& centre_m
   return worst;
 }
 
-const double kBall_mm3 = 4.0 / 3.0 * M_PI * std::pow(kRadius_mm, 3);
+const double kBall_mm3 = 4.0 / 3.0 * kPi * std::pow(kRadius_mm, 3);
 
 TEST(Surface, OfALabelledBallLiesWithinAVoxelOfItInAnyOrientation) {
   for (const bool mirrored : {false, true}) {

@@ -7,6 +7,7 @@
 
 #include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
+#include "test_paths.h"
 
 namespace usct::test {
 

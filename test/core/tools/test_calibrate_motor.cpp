@@ -4,6 +4,8 @@
 #include <random>
 
 #include "core/tools/run_usct.h"
+#include "test_paths.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/probe_config.h"
 
 namespace usct {
@@ -12,8 +14,6 @@ namespace {
 using test::Outcome;
 using test::run_usct;
 using test::TemporaryFolder;
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 /// Nine noisy sweeps over wires 25 mm apart by a motor that is slow before frame 40.
 std::filesystem::path write_wires(const std::filesystem::path& folder) {

@@ -6,6 +6,7 @@
 
 #include "core/tools/run_usct.h"
 #include "test_data.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
@@ -18,8 +19,6 @@
 namespace usct::test {
 namespace {
 
-constexpr double kRad = 3.14159265358979323846 / 180.0;
-
 /// A small motorised acquisition whose brightness is a smooth function of position.
 double brightness(const Eigen::Vector3d& p_us) {
   return 120.0 + 60.0 * std::sin(0.1 * p_us.x()) + 40.0 * std::cos(0.08 * p_us.z() + 0.5) -
@@ -29,8 +28,8 @@ double brightness(const Eigen::Vector3d& p_us) {
 PreScanVolume smooth_acquisition() {
   PreScanVolume volume;
   volume.geometry.axial = {60, 5.0, 1.0};
-  volume.geometry.array = CurvilinearArray{40.0, centred_table(48, 1.2 * kRad)};
-  volume.geometry.motion = MotorSweep{27.25, centred_table(40, 1.4634 * kRad), 0.0};
+  volume.geometry.array = CurvilinearArray{40.0, centred_table(48, 1.2 * kDegree)};
+  volume.geometry.motion = MotorSweep{27.25, centred_table(40, 1.4634 * kDegree), 0.0};
   const BeamGrid beams = beam_grid(volume.geometry);
   for (int f = 0; f < beams.frames; ++f)
     for (int l = 0; l < beams.lines; ++l)

@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
 namespace usct::test {
@@ -21,8 +22,8 @@ class Texture {
     for (int i = 0; i < 24; ++i) {
       const Eigen::Vector3d direction =
           Eigen::Vector3d(normal(random), normal(random), normal(random));
-      waves_.push_back(2.0 * M_PI / (2.0 + 4.0 * uniform(random)) * direction.normalized());
-      phases_.push_back(2.0 * M_PI * uniform(random));
+      waves_.push_back(2.0 * kPi / (2.0 + 4.0 * uniform(random)) * direction.normalized());
+      phases_.push_back(2.0 * kPi * uniform(random));
     }
   }
   double at(const Eigen::Vector3d& p_mm) const {

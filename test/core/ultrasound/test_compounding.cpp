@@ -6,13 +6,13 @@
 
 #include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/compounding.h"
 
 namespace usct {
 namespace {
 
 using test::integer;
-using test::kDegree;
 using test::random_pose;
 using test::uniform;
 
@@ -322,9 +322,9 @@ TEST(Compound, RefusesBadInputAndNamesIt) {
   using O = CompoundOptions;
   EXPECT_EQ(violation([](I&, O&) {}), "accepted");
   EXPECT_EQ(violation([](I&, O& o) { o.slice_thickness_mm = 0.0; }),
-            "compounding: 'slice_thickness_mm' is 0.000000, must be finite and > 0");
+            "compounding: 'slice_thickness_mm' is 0, must be finite and > 0");
   EXPECT_EQ(violation([](I&, O& o) { o.hole_fill_radius_mm = -1.0; }),
-            "compounding: 'hole_fill_radius_mm' is -1.000000, must be finite and >= 0");
+            "compounding: 'hole_fill_radius_mm' is -1, must be finite and >= 0");
   EXPECT_EQ(violation([](I& i, O&) { i.pixels.pop_back(); }),
             "tracked images: holds 461 pixels, must hold 2 images of 21 x 11 pixels");
   EXPECT_EQ(

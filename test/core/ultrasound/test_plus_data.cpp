@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "test_data.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/igsio.h"
 #include "us_ct_registration/ultrasound/compounding.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
@@ -18,8 +19,6 @@ namespace {
 
 /// Plus and scanners take the value at the pixel's centre.
 const CompoundOptions kPointSamples{Compounding::kMean, 1.0, false, 0.0};
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 std::filesystem::path plus_file(const std::string& name) {
   return test::data_root() / "plus_us" / name;

@@ -4,13 +4,13 @@
 
 #include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
 
 namespace usct {
 namespace {
 
 using test::integer;
-using test::kDegree;
 using test::random_grid;
 using test::random_motorised;
 using test::random_pose;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct {
@@ -246,7 +247,7 @@ TEST(Shrink, SuppressesWhatTheSmallGridCannotHold) {
   Grid grid;
   grid.size = {64, 4, 4};
   const Volume<float> volume =
-      volume_of(grid, [](const Eigen::Vector3d& p) { return std::cos(3.14159265358979 * p.x()); });
+      volume_of(grid, [](const Eigen::Vector3d& p) { return std::cos(kPi * p.x()); });
   const Region away_from_the_edges{{8, 0, 0}, {48, 4, 4}};
   for (const float v : shrink(volume, {4, 1, 1}, away_from_the_edges).voxels)
     EXPECT_LT(std::abs(v), 0.02);

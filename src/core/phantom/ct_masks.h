@@ -1,0 +1,21 @@
+#pragma once
+
+#include "us_ct_registration/volume/volume.h"
+
+/// Which voxels of a CT and of its label map belong to an object; 255 in a mask, 0 elsewhere.
+namespace usct::phantom {
+
+/// Below this, in HU, a CT shows air.
+constexpr float kAirHu = -300.0F;
+/// Voxels of the mask of the body are about this large, or as large as those of the CT.
+constexpr double kBodyVoxelMm = 2.5;
+
+/// The body: the largest connected object that is not air, together with the air that it encloses
+/// in an axial plane (lungs, bowel). Throws InputError if the CT shows no body.
+MaskVolume body_mask(const CtVolume& ct);
+
+/// The voxels with a label, on the part of the map's grid that reaches 30 mm beyond them. Throws
+/// InputError if the map does not hold the label.
+MaskVolume mask_of_label(const LabelVolume& labels, int label);
+
+}  // namespace usct::phantom

@@ -1,0 +1,56 @@
+#include "ultrasound/signal.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace usct {
+
+Moments moments(const std::vector<double>& values) {
+  Moments m;
+  for (const double value : values) m.mean += value / static_cast<double>(values.size());
+  for (const double value : values)
+    m.deviation += (value - m.mean) * (value - m.mean) / static_cast<double>(values.size());
+  m.deviation = std::sqrt(m.deviation);
+  return m;
+}
+
+double quantile(std::vector<double> values, double share) {
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+void clip(Signal& signal, double share) {
+  const double low = quantile(signal.values, share);
+  const double high = quantile(signal.values, 1.0 - share);
+  for (double& value : signal.values) value = std::clamp(value, low, high);
+}
+
+void normalise(Signal& signal) {
+  const double mean = moments(signal.values).mean;
+  for (double& value : signal.values) value /= mean;
+}
+
+std::optional<double> smoothed(const Signal& signal, double time_s, double sigma_s) {
+  const auto first =
+      std::lower_bound(signal.times_s.begin(), signal.times_s.end(), time_s - 3.0 * sigma_s);
+  double sum = 0.0;
+  double weights = 0.0;
+  for (auto t = first; t != signal.times_s.end() && *t <= time_s + 3.0 * sigma_s; ++t) {
+    const double distance = (*t - time_s) / sigma_s;
+    const double weight = std::exp(-0.5 * distance * distance);
+    sum += weight * signal.values[static_cast<std::size_t>(t - signal.times_s.begin())];
+    weights += weight;
+  }
+  if (weights == 0.0) return std::nullopt;
+  return sum / weights;
+}
+
+std::optional<double> detrended(const Signal& signal, double time_s, double sigma_s,
+                                double trend_s) {
+  const std::optional<double> value = smoothed(signal, time_s, sigma_s);
+  if (!value) return value;
+  return *value - *smoothed(signal, time_s, std::max(trend_s, 3.0 * sigma_s));
+}
+
+}  // namespace usct

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+namespace usct {
+
+/// A quantity over time, sampled at any intervals.
+struct Signal {
+  /// Rising.
+  std::vector<double> times_s;
+  /// One per time.
+  std::vector<double> values;
+
+  void add(double time_s, double value) {
+    times_s.push_back(time_s);
+    values.push_back(value);
+  }
+  std::size_t size() const { return values.size(); }
+};
+
+/// Mean and standard deviation (of the population, not corrected for the sample's size).
+struct Moments {
+  double mean = 0.0;
+  double deviation = 0.0;
+};
+
+Moments moments(const std::vector<double>& values);
+
+/// The value below which a `share` of the values lies. There must be at least one value.
+double quantile(std::vector<double> values, double share);
+
+/// Limits the values to those between the quantiles `share` and 1 - `share`.
+void clip(Signal& signal, double share);
+
+/// Divides the values by their mean, which must be > 0.
+void normalise(Signal& signal);
+
+/// The mean under a Gaussian window around a time, cut off at three standard deviations; empty
+/// where the window holds no value.
+std::optional<double> smoothed(const Signal& signal, double time_s, double sigma_s);
+
+/// The smoothed signal without its trend, which is the signal smoothed by `trend_s`, or by three
+/// times `sigma_s` if that is more.
+std::optional<double> detrended(const Signal& signal, double time_s, double sigma_s,
+                                double trend_s);
+
+}  // namespace usct
