@@ -47,7 +47,7 @@ void forget_peak_memory() {
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
-/// From 10 mm off, one registration per iteration, each time in another direction.
+/// One registration per iteration, from a start 10 mm off, in another direction each time.
 void registration(benchmark::State& state, const char* preset_name, SceneKind scene,
                   const Eigen::Vector3i& ct_size) {
   constexpr double kDisplacementMm = 10.0;

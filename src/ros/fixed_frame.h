@@ -22,10 +22,10 @@ struct FixedFrameOptions {
   double max_jump_deg = 3.0;
 };
 
-/// Where the ultrasound's frame was at its stamp.
+/// Pose of the ultrasound's frame in the fixed frame at the stamp of the ultrasound.
 struct FixedPose {
   Eigen::Isometry3d T_fixed_us = Eigen::Isometry3d::Identity();
-  /// How much older than the stamp it is, s; 0 unless that is allowed.
+  /// Age of the transform relative to the stamp, s; 0 unless older transforms are allowed.
   double age_s = 0.0;
 };
 

@@ -49,7 +49,7 @@ struct HeldState {
 struct HeldVolumesOptions {
   /// Number of recent ultrasound volumes that are kept; >= 1.
   int ultrasound_volumes = 3;
-  /// How long tf may take to reach an ultrasound volume's stamp, wall time.
+  /// Longest wait until tf reaches the stamp of an ultrasound volume, wall time.
   double tf_timeout_s = 1.0;
 };
 

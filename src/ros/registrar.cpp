@@ -34,7 +34,7 @@ void refuse(const msg::StatusCode& status, msg::RegistrationResult& result) {
 
 }  // namespace
 
-/// What a registration needs; filled from top to bottom, as far as it exists.
+/// Inputs of a registration, filled from top to bottom as far as they exist.
 struct Registrar::Inputs {
   Chosen chosen;
   std::shared_ptr<const HeldCt> ct;

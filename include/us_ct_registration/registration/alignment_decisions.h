@@ -58,7 +58,7 @@ struct OfferedResult {
   std::uint32_t digest = 0;
 };
 
-/// What is kept on disk: the alignment that counts, and which result was decided last.
+/// The state on disk: the alignment in force, and the result that was decided last.
 struct StoredAlignment {
   std::optional<Alignment> alignment;
   /// Digest of the last result that was accepted or rejected; 0: none. A result is sent again after
@@ -104,7 +104,7 @@ struct AlignmentState {
 /// while another CT is held.
 class AlignmentDecisions {
  public:
-  /// How many alignments `revert` can go back.
+  /// Number of earlier alignments to which `revert` can return.
   static constexpr std::size_t kHistory = 10;
 
   struct Options {

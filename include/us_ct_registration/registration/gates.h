@@ -22,14 +22,15 @@ struct Measures {
   /// How far the refinement moved the best optimum of the search, mm (mean displacement of the
   /// field of view).
   std::optional<double> disagreement_mm;
-  /// How far the pose is from the initial one, mm, likewise.
+  /// Distance of the pose from the initial one, mm (mean displacement of the field of view).
   std::optional<double> displacement_mm;
-  /// How far the parts of a second similarity pull the pose apart, mm (root mean square
-  /// displacement of the field of view).
+  /// Scatter of the pose among the parts of a second similarity, mm (root mean square displacement
+  /// of the field of view).
   std::optional<double> scatter_mm;
   /// Root mean square displacement of the field of view that the covariance lets expect, mm.
   std::optional<double> expected_error_mm;
-  /// What the refinement estimated, if asked to: AcquisitionErrors.
+  /// Errors of the acquisition that the refinement estimated, if it was asked to; see
+  /// AcquisitionErrors.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
 };
@@ -41,7 +42,7 @@ struct MeasureField {
 };
 const std::vector<MeasureField>& measure_fields();
 
-/// What was measured, by name.
+/// The measures that are present, by name.
 std::map<std::string, double> by_name(const Measures& measures);
 
 /// The inverse. Throws InputError, naming `source`, for a name that is no measure.

@@ -9,7 +9,7 @@
 
 namespace usct {
 
-/// What a caller may do while a registration runs; both may be empty.
+/// Callbacks while a registration runs; both may be empty.
 struct RegistrationHooks {
   /// Asked often, from several threads, one at a time; true ends the registration as kCancelled.
   std::function<bool()> cancelled;

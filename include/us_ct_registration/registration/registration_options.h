@@ -33,9 +33,9 @@ struct ClimbOptions {
 /// One level of the search. Candidates come in (the starts, or what the level before kept), the
 /// best are optimised, and the best distinct optima are handed on.
 struct LevelOptions : ClimbOptions {
-  /// How many of the candidates are optimised, best first; >= 1.
+  /// Number of candidates that are optimised, best first; >= 1.
   int optimised = 1;
-  /// How many distinct optima are handed on; >= 1.
+  /// Number of distinct optima that are handed to the next level; >= 1.
   int kept = 1;
 
   void validate(const std::string& source) const;
@@ -62,14 +62,14 @@ struct RoundOptions {
 
 /// Multi-start search, coarse to fine.
 struct SearchOptions {
-  /// Around the initial pose; unset: the initial pose alone.
+  /// Starts around the initial pose; unset: the initial pose alone.
   std::optional<StartOptions> starts = StartOptions{};
   /// Coarse to fine; at least one. The last one decides: its optima are ranked.
   std::vector<LevelOptions> levels;
   RoundOptions rounds;
   /// Optima closer than this (mean displacement of the field of view) are one, mm.
   double distinct_mm = 4.0;
-  /// How many distinct optima are kept at the end; >= 1.
+  /// Number of distinct optima that are kept at the end; >= 1.
   int most_optima = 16;
   /// The CT that the search may look at: the field of view at the initial pose, grown by the
   /// translations of the starts, by their rotations times the field's radius, and by this margin,
@@ -98,7 +98,7 @@ struct RefinementOptions : ClimbOptions {
 /// Poses where nothing fits show what a similarity is worth there. (The value itself says little:
 /// it depends on noise, contrast and the field of view.)
 struct BackgroundOptions {
-  /// How many poses; >= 16.
+  /// Number of background poses; >= 16.
   int count = 64;
   /// They are spread like the starts; where there are no starts, over a box of this half width.
   double spread_rad = 20.0 * kDegree;
@@ -109,8 +109,8 @@ struct BackgroundOptions {
   void validate(const std::string& source) const;
 };
 
-/// How far the parts of a second similarity, which did not choose the pose, pull it apart: where a
-/// pose is right they agree, where it only looks right they do not.
+/// Scatter of the pose among the parts of a second similarity, which did not choose the pose. At a
+/// right pose the parts agree; at a pose that only looks right they do not.
 struct ScatterOptions {
   /// On the images of the deciding level. A similarity without parts measures nothing.
   SimilarityOptions similarity;
@@ -163,7 +163,7 @@ struct RegistrationOptions {
   ConfidenceOptions confidence;
   std::uint32_t seed = 1;
 
-  /// Those of the preset `patient`.
+  /// The default options are those of the preset `patient`.
   RegistrationOptions();
 
   /// Throws InputError, naming `source`, the field, its value and the constraint.

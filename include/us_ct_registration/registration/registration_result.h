@@ -11,7 +11,7 @@
 
 namespace usct {
 
-/// How a registration ended. Only kRegistered comes with a transform.
+/// Status of a registration. Only kRegistered comes with a transform.
 enum class RegistrationStatus {
   kFailed,         // did not run to its end; the message says why
   kRegistered,     // found, and confident
@@ -33,7 +33,7 @@ struct RegistrationCandidate {
   double overlap = 0.0;
 };
 
-/// What a registration hands back. It starts as failed; nothing is valid by default.
+/// Result of a registration. It starts as failed; nothing is valid by default.
 struct RegistrationResult {
   RegistrationStatus status = RegistrationStatus::kFailed;
   /// The reason in words, for people.
@@ -44,14 +44,14 @@ struct RegistrationResult {
   double similarity = std::numeric_limits<double>::quiet_NaN();
   /// Fraction of the ultrasound's samples that lie in the CT, in [0, 1]; NaN if not evaluated.
   double overlap = std::numeric_limits<double>::quiet_NaN();
-  /// Of a small motion (w, t) that follows the best pose: `p_us -> p_us + w x p_us + t`, with w the
-  /// rotation vector in rad and t in mm. It turns about the origin of the US frame, whatever centre
-  /// the search had.
+  /// Covariance of a small motion (w, t) that follows the best pose: `p_us -> p_us + w x p_us + t`,
+  /// with w the rotation vector in rad and t in mm. The motion turns about the origin of the US
+  /// frame, whatever centre the search used.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
   /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
   /// as well.
   std::vector<RegistrationCandidate> candidates;
-  /// What the gates judged and the refinement estimated.
+  /// The measures that the gates judged, and the errors that the refinement estimated.
   Measures measures;
   int evaluations = 0;
   /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`.

@@ -9,7 +9,8 @@
 
 namespace usct {
 
-/// Where the probe's axes point in the patient, LPS, unit length, at right angles to each other.
+/// Directions of the probe's axes in the patient, LPS, of unit length and perpendicular to each
+/// other.
 struct ProbeDirection {
   Eigen::Vector3d axial = Eigen::Vector3d::UnitY();    // posterior
   Eigen::Vector3d lateral = Eigen::Vector3d::UnitX();  // left
@@ -21,8 +22,8 @@ struct ProbeDirection {
 ProbeDirection parse_probe_direction(const std::vector<std::string>& words,
                                      const std::string& source);
 
-/// Where a search over all poses begins: the probe looks as said, and the middle of the CT lies in
-/// the middle of the ultrasound. `T_us_ct`, mm.
+/// Initial pose of a search over all poses: the probe looks in the given direction, and the centre
+/// of the CT lies at the centre of the ultrasound. `T_us_ct`, mm.
 Eigen::Isometry3d rough_pose(const Grid& ct, const BeamGrid& beams,
                              const ProbeDirection& direction);
 

@@ -28,7 +28,7 @@ constexpr auto words_of(StartRegion) {
 
 struct StartOptions {
   StartRegion region = StartRegion::kBox;
-  /// How many starts, the initial pose included; >= 1.
+  /// Number of starts, including the initial pose; >= 1.
   int count = 512;
   /// Half the width of the box (at most 103 degrees, so that no rotation exceeds 180), or the
   /// radius of the ball (at most 180 degrees); >= 0.

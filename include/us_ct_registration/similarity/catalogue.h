@@ -22,7 +22,7 @@ using SimilarityOptions =
     std::variant<LocalLc2Options, GlobalLc2Options, NccOptions, MattesMiOptions, NmiOptions,
                  CorrelationRatioOptions, JointCorrelationRatioOptions, SimulatedLc2Options>;
 
-/// What the metric is called in files.
+/// The name of the metric in files.
 const char* similarity_name(const SimilarityOptions& options);
 
 /// All names, in the order of the list.

@@ -6,7 +6,7 @@
 
 namespace usct {
 
-/// What stands beside the CT value to explain ultrasound.
+/// The channel that explains ultrasound beside the CT value.
 enum class GradientChannel {
   kMagnitude,  // |grad mu|
   kAlongBeam,  // |d . grad mu|: what reflects a beam back to the array (eq 4.3)
@@ -17,7 +17,7 @@ constexpr auto words_of(GradientChannel) {
       {{GradientChannel::kMagnitude, "magnitude"}, {GradientChannel::kAlongBeam, "along_beam"}}};
 }
 
-/// Of LC2 (Wein 2008): the linear combination of CT value and gradient that explains the
+/// Options of LC2 (Wein 2008), the linear combination of CT value and gradient that explains the
 /// ultrasound, found by least squares with ridge regularisation.
 struct Lc2Options {
   GradientChannel channel = GradientChannel::kMagnitude;

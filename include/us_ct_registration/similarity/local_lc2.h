@@ -5,8 +5,8 @@
 
 namespace usct {
 
-/// What a patch weighs in the sum: its samples times a power of the ultrasound's standard deviation
-/// in it.
+/// Weight of a patch in the sum: its number of samples times a power of the ultrasound's standard
+/// deviation in it.
 enum class PatchWeighting { kCount, kDeviation, kVariance };
 
 constexpr auto words_of(PatchWeighting) {

@@ -16,7 +16,7 @@
 /// and `make(SimilarityImages&, const M's options&)` makes the similarity. catalogue.h lists them.
 namespace usct {
 
-/// What a metric asks of the images, and which AcquisitionErrors it can follow.
+/// The images that a metric needs, and the AcquisitionErrors that it can follow.
 struct SimilarityNeeds {
   /// Ultrasound cut into patches, and the CT averaged to the level's spacing and packed.
   bool patches = false;

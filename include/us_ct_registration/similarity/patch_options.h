@@ -16,8 +16,8 @@ constexpr auto words_of(SampleSubset) {
       {{SampleSubset::kAll, "all"}, {SampleSubset::kHalf, "half"}}};
 }
 
-/// How ultrasound is cut into patches. Metrics with one set of weights for all samples are cut as
-/// well, for a patch decides which samples count.
+/// Options for cutting ultrasound into patches. Metrics with one set of weights for all samples use
+/// patches as well, since the patch decides which samples count.
 struct PatchOptions {
   /// Edges, mm, along the beams, across lines and across frames; judged in the middle of the
   /// depths, since beams diverge. Infinite: one patch along that axis.

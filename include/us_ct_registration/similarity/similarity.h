@@ -19,7 +19,7 @@ struct AcquisitionErrors {
   double sweep = 0.0;
 };
 
-/// Where a similarity is evaluated.
+/// A pose, with errors of the acquisition, at which a similarity is evaluated.
 struct SimilarityPose {
   /// Maps the US frame to the CT's, mm; rigid.
   Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
@@ -33,9 +33,9 @@ struct SimilarityValue {
   double overlap = 0.0;
 };
 
-/// How well a CT explains ultrasound at a pose. Both images and all options are fixed when it is
-/// made (see catalogue.h); it is then a function of the pose alone. All functions may be called
-/// from several threads at once, and give the same bits for the same pose, always.
+/// The similarity of a CT and ultrasound as a function of the pose. Both images and all options are
+/// fixed when it is made (see catalogue.h). All functions may be called from several threads at
+/// once, and always give the same bits for the same pose.
 class Similarity {
  public:
   virtual ~Similarity() = default;
@@ -46,8 +46,8 @@ class Similarity {
   virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                         const Check& check) const = 0;
 
-  /// What each part of the ultrasound (patch) contributes at a pose; the sum is the value. One part
-  /// for a similarity that is not a sum.
+  /// Contributions of the parts of the ultrasound (patches) at a pose; the value is their sum. A
+  /// similarity that is not a sum has one part.
   virtual std::vector<double> parts(const SimilarityPose& pose) const {
     return {evaluate(pose).value};
   }

@@ -38,10 +38,10 @@ struct DepthOptions {
   double near_field_mm = 10.0;
   /// Depth to which the end of the near field is searched, mm; never more than a third of the line.
   double near_field_limit_mm = 30.0;
-  /// Share of the beams that must meet a far wall for it to be believed, (0, 1]; unset: none is
-  /// looked for.
+  /// Share of the beams that must meet a far wall for it to be accepted, (0, 1]; unset: no wall is
+  /// searched.
   std::optional<double> far_wall_share = 0.6;
-  /// Samples this far in front of the wall's echo go with it, mm.
+  /// Samples in front of the wall by up to this are excluded with it, mm.
   double far_wall_margin_mm = 3.0;
 };
 
@@ -61,10 +61,11 @@ struct ConditioningOptions {
   /// It keeps noise in empty regions from being amplified.
   double least_deviation = 0.1;
   DepthOptions depth;
-  /// Grey value from which a sample is saturated, and does not count, > 0; unset: none is.
+  /// Samples with at least this grey value are saturated and do not count, > 0; unset: none are.
   std::optional<double> saturated_grey = 255.0;
-  /// A line without contact is darker than this share of what is usual at its depth (the median
-  /// over all beams), in each quarter of it; a shadow at each sample. Speckle is averaged first.
+  /// A line has no contact if in each quarter of its depth it is darker than `no_contact_share` of
+  /// the usual grey value, which is the median over all beams at that depth. A sample is dark, as
+  /// in a shadow, if it is below `shadow_share` of the usual value. Speckle is averaged first.
   double no_contact_share = 0.45;
   double shadow_share = 0.45;
   /// Contact and shadows are judged only at depths where the usual grey value is at least this.

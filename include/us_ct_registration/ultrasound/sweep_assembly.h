@@ -81,7 +81,7 @@ class SweepAssembler {
   std::uint64_t received() const { return received_; }
   /// Frames that were dropped or are missing, by reason.
   const Counts& dropped() const { return dropped_; }
-  /// What was wrong with the last invalid frame, or why the last frame without a pose had none.
+  /// The fault of the last invalid frame, or the reason why the last frame without a pose had none.
   const std::string& last_problem() const { return last_problem_; }
 
  private:

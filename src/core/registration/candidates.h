@@ -40,7 +40,7 @@ class FieldPoints {
 /// Fills in value and overlap.
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run);
 
-/// How candidates are climbed from.
+/// Options for climbing from candidates.
 struct Climb {
   const OptimizerOptions& optimizer;
   double reach_mm;

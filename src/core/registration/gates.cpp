@@ -14,12 +14,12 @@ struct Gate {
   std::optional<double> Measures::*value;
   bool at_least;
   std::optional<double> GateLimits::*limit;
-  /// What failing the gate means.
+  /// Meaning of a failed gate, for the message.
   const char* meaning;
   bool no_overlap = false;
 };
 
-/// In the order in which they are judged: the first that is failed gives the reason.
+/// The gates in the order in which they are judged; the first failed gate gives the reason.
 const std::vector<Gate>& gates() {
   static const std::vector<Gate> all = {
       {"overlap", &Measures::overlap, true, &GateLimits::min_overlap,

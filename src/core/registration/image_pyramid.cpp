@@ -15,7 +15,7 @@ using Eigen::Vector3i;
 
 /// About as many points judge distances between poses; more would not change them.
 constexpr std::size_t kPoints = 2000;
-/// With fewer points, six parameters of a pose are hardly defined.
+/// Fewest points that define the six parameters of a pose.
 constexpr std::size_t kLeastPoints = 100;
 /// Along each axis: a cell of the packed CT and one voxel more to either side.
 constexpr int kLeastVoxels = 4;

@@ -16,7 +16,7 @@ namespace usct::registration {
 /// The ultrasound as all levels see it: conditioned, and `known` where it counts.
 struct PreparedUltrasound {
   std::shared_ptr<const BeamUltrasound> us;
-  /// Some of the positions that count, evenly taken.
+  /// An even selection of the positions of samples that count.
   FieldPoints field;
 };
 

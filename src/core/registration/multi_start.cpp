@@ -19,7 +19,7 @@ std::size_t deciding_level(const SearchProblem& problem) {
   return problem.options.levels.size() - 1;
 }
 
-/// How many times as many optima a level climbs to and keeps as in the first round.
+/// Factor on the number of optima that a level climbs to and keeps, relative to the first round.
 std::size_t breadth_of(const SearchProblem& problem, std::size_t level, int round) {
   if (round == 0) return 1;
   const RoundOptions& rounds = problem.options.rounds;

@@ -7,7 +7,7 @@
 /// The search: many starts around the initial pose, climbed coarse to fine.
 namespace usct::registration {
 
-/// What is searched. References must outlive it.
+/// The problem of a search. The objects that it refers to must outlive it.
 struct SearchProblem {
   /// Of the levels of the options, in their order.
   std::vector<const Similarity*> similarities;

@@ -14,7 +14,7 @@ struct Refusal {
   std::string message;
 };
 
-/// What a step makes, or why it cannot.
+/// The value that a step makes, or a refusal with the reason why it cannot.
 template <typename T>
 class Outcome {
  public:

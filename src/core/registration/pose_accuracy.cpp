@@ -115,7 +115,7 @@ std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Ca
   Matrix6d covariance = inverse * (fit.gradients.transpose() * fit.gradients) * inverse;
   accuracy.scatter_mm = std::sqrt(covariance.trace());
   covariance *= options.deviation_factor * options.deviation_factor;
-  // What no image shows moves the field as a whole.
+  // Errors that no image shows are modelled as a shift of the whole field.
   covariance.diagonal().tail<3>().array() += options.systematic_mm * options.systematic_mm / 3.0;
   const Matrix6d motion = motion_of_parameters(pose);
   const Matrix6d moved = motion * covariance * motion.transpose();
@@ -164,7 +164,7 @@ void Assessor::drop_distant(std::vector<Candidate>& optima, const Run& run) cons
     optima.erase(optima.begin());
 }
 
-/// How much lower the best rival is, as a share of the best optimum's height above the background.
+/// Height of the best optimum above the best rival, as a share of its height above the background.
 double Assessor::margin(const std::vector<Candidate>& optima, const Background& background,
                         const Run& run) const {
   const Candidate& best = optima.front();

@@ -6,11 +6,11 @@
 #include "registration/background.h"
 #include "registration/image_pyramid.h"
 
-/// What is measured of a pose once it is found: is it better than chance, is there a rival, and how
-/// exact is it?
+/// Measures of a pose: whether it is better than chance, whether it has a rival, and how exact it
+/// is.
 namespace usct::registration {
 
-/// How well defined a pose is, by what a similarity does around it.
+/// Accuracy of a pose, estimated from the similarity around it.
 struct PoseAccuracy {
   /// How far the similarity's parts pull the pose apart, mm (root mean square displacement of the
   /// points): with H its Hessian and g_p the gradients of its parts, by `H^-1 (sum_p g_p g_p^T)

@@ -13,8 +13,8 @@ namespace usct::registration {
 /// Thrown through loops and optimizers when the caller wants to stop.
 struct Cancelled {};
 
-/// What every step of one registration reports to: the caller's wish to stop, progress, evaluations
-/// and wall time.
+/// The services of one registration that all its steps share: cancellation, progress, and the count
+/// of evaluations and wall time.
 class Run {
  public:
   explicit Run(const RegistrationHooks& hooks) : hooks_(hooks) {}

@@ -53,7 +53,7 @@ struct Knots {
 };
 
 HWY_INLINE void share(const Knots& knots, VF value, VF gradient, VF ultrasound, Shares& shares) {
-  // What is filled up has no ultrasound, and no weight.
+  // Padding has no ultrasound, and gets no weight.
   const MF known = hn::Eq(ultrasound, ultrasound);
   const VF u = hn::IfThenElseZero(known, ultrasound);
   const VF row = hn::Mul(value, hn::Set(df, knots.rows_per_byte));

@@ -29,8 +29,8 @@ inline bool is_moved(const AcquisitionErrors& errors) {
   return errors.depth != 0.0 || errors.sweep != 0.0;
 }
 
-/// How many rows of a block have all their samples within the CT, as far as its box tells: all that
-/// are full, or none. They need not be looked at one by one.
+/// Number of rows of a block whose samples are all within the CT, by the block's bounding box: all
+/// full rows, or none. These rows need no bounds checks.
 inline std::size_t rows_inside(const PatchKernelInput& in, const UltrasoundPatches::Block& block) {
   if (is_moved(in.errors)) return 0;
   constexpr double kRounding = 0.01;  // of indices, in single precision

@@ -40,7 +40,7 @@ inline std::uint32_t bits_of(float value) {
   return bits;
 }
 
-/// What stays the same for all samples.
+/// Constants of all samples.
 struct Constants {
   explicit Constants(const PatchKernelInput& in) {
     for (int r = 0; r < 3; ++r) {
@@ -120,7 +120,8 @@ HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
   return hn::GatherOffset(du, reinterpret_cast<const std::uint32_t*>(pairs), offsets);
 }
 
-/// Where a row of samples lies: anywhere; all in the CT; anywhere, and AcquisitionErrors move it.
+/// Location of a row of samples: anywhere; entirely within the CT; anywhere, and moved by
+/// AcquisitionErrors.
 enum class Where { kAnywhere, kInside, kMoved };
 
 /// Whether indices + kShift have a cell.

@@ -10,7 +10,7 @@ namespace usct {
 namespace {
 
 void validate_image(const StreamedFrame& frame, const std::string& source) {
-  // One frame is a tracked sweep of one frame: the same checks hold.
+  // A frame is checked as a tracked sweep of one frame.
   const ScanGeometry geometry{frame.axial, frame.array,
                               TrackedSweep{{Eigen::Isometry3d::Identity()}, {}}};
   geometry.validate(source);

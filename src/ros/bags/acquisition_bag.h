@@ -34,7 +34,8 @@ struct BagOptions {
   double frame_rate_hz = 20.0;
   /// Time from the last frame of a sweep to the first of the next; >= 3.
   double pause_s = 6.0;
-  /// How far the probe moves away along its axis between and after sweeps; >= 0. 0: it stays.
+  /// Distance by which the probe is retracted along its axis between and after sweeps; >= 0. 0: it
+  /// stays.
   double retract_mm = 100.0;
   /// Tracked sweeps: poses go to tf (US frame -> array frame) instead of the frames' messages.
   bool poses_in_tf = false;

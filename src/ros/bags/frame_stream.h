@@ -10,7 +10,7 @@
 
 namespace usct::ros_interface {
 
-/// How a volume is cut into frames.
+/// Options for cutting a volume into frames.
 struct FrameStream {
   std::uint32_t sweep = 0;
   /// Time from frame to frame, for volumes without `frame_stamps`. The last frame then has the

@@ -148,7 +148,7 @@ RegistrationResult with_rivals(const std::string& gates) {
   return registered(agar_case(), nearby(agar_case()), options);
 }
 
-/// None of them may be near the best one's value.
+/// No other optimum may come near the value of the best one.
 RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
   return with_rivals("min_margin: 1, max_scatter_mm: " + max_scatter_mm);
 }
@@ -178,7 +178,7 @@ TEST(Gates, WhatIsTooFarAndScattersGivesWayToTheNextBest) {
   EXPECT_EQ(other.status, RegistrationStatus::kLowConfidence);
   EXPECT_TRUE(std::any_of(all.candidates.begin() + 1, all.candidates.end(),
                           [&](const auto& next) { return next.similarity == other.similarity; }));
-  // What holds together stays, and is refused for its distance.
+  // An optimum that does not scatter is kept, and is refused for its distance.
   const RegistrationResult far = with_rivals("max_scatter_mm: 0.5, max_displacement_mm: 6");
   expect_refused(far, RegistrationStatus::kLowConfidence, "displacement_mm is ");
   EXPECT_EQ(far.similarity, all.similarity);

@@ -128,7 +128,7 @@ RC_GTEST_PROP(UltrasoundPatches, LieInLanes, ()) {
   }
 }
 
-/// What kernels trust without looking.
+/// Properties of the layout that the kernels rely on without checks.
 RC_GTEST_PROP(UltrasoundPatches, BlocksTellWhichRowsAreFullAndWhereTheyLie, ()) {
   BeamUltrasound us =
       noisy_ultrasound(downward_beams(integer(4, 40), integer(2, 20), integer(2, 14)));

@@ -82,7 +82,7 @@ class RegistrationClient {
     EXPECT_EQ(call.response.message, call.response.result.status.message);
     return call.response.result;
   }
-  /// What was sent may still be on its way.
+  /// A message that was sent may not have arrived yet.
   template <typename Condition>
   Result call_until(Condition&& condition) {
     Result result;

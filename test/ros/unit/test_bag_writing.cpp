@@ -23,7 +23,7 @@ using test::TemporaryFolder;
 
 constexpr double kToleranceMm = 1e-9;
 
-/// What a bag holds, as a subscriber of everything would have got it.
+/// Content of a bag, as a subscriber to all topics would have received it.
 struct Heard {
   std::vector<msg::PreScanFrame> frames;
   std::vector<geometry_msgs::TransformStamped> truths;

@@ -192,7 +192,7 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   know(98.0, 0.0);
   know(99.0, 0.0);
-  // What was found out at its time stays.
+  // A verdict that was reached in time is kept.
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)));
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);

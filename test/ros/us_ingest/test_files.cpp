@@ -55,7 +55,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  /// What it says until it ends by itself, and its exit status.
+  /// Output of the node until it ends by itself, and its exit status.
   std::pair<std::string, int> end() {
     std::string output;
     std::array<char, 256> part{};

@@ -39,8 +39,8 @@ struct DicomSeries {
   int rows = 0;
   /// Columns: the unit directions of increasing column and row index, LPS.
   Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Zero();
-  /// Between columns, between rows, and between slices by their positions (the median where that
-  /// is uneven; 0 for a single slice).
+  /// Distance between columns, between rows, and between slices by their positions (the median if
+  /// they are uneven; 0 for a single slice).
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Zero();
   /// Why read_dicom_ct would refuse the series, or what it would have to resample.
   std::vector<std::string> problems;
@@ -52,8 +52,8 @@ struct DicomReadOptions {
   /// The series to read; required where there are several of CT. Empty: the only one.
   std::string series_uid;
 
-  /// Only images of this AcquisitionNumber, for series that hold several scans of the same place
-  /// (phases of contrast).
+  /// Only images with this AcquisitionNumber are read, for series with several scans of the same
+  /// region (phases of contrast).
   std::optional<int> acquisition_number;
 
   /// What to do with slices that are not on a regular grid: gantry tilt, uneven spacing, missing
@@ -63,7 +63,7 @@ struct DicomReadOptions {
   /// where none is.
   bool resample_irregular = false;
 
-  /// How far a slice may lie from its place on the regular grid, as a fraction of the slice
+  /// Greatest distance of a slice from its place on the regular grid, as a fraction of the slice
   /// spacing. Must be > 0 and <= 0.5.
   double position_tolerance = 0.05;
 
@@ -79,7 +79,7 @@ struct LoadedCt {
   /// Empty for image files, or where the files do not state it.
   std::string series_uid;
   std::string frame_of_reference_uid;
-  /// What was passed over, resampled or unusual.
+  /// Warnings about anything that was skipped, resampled or unusual.
   std::vector<std::string> warnings;
 };
 

@@ -20,7 +20,7 @@ namespace usct {
 /// A rigid or affine map between two coordinate frames at one moment, with its status flag.
 struct IgsioTransform {
   Eigen::Affine3d T = Eigen::Affine3d::Identity();
-  /// As in the file: "OK", "INVALID", ...; empty if the file has none. Only "OK" is valid.
+  /// Status as in the file: "OK", "INVALID", ...; empty if the file has none. Only "OK" is valid.
   std::string status;
 
   bool valid() const { return status == "OK"; }
@@ -45,8 +45,8 @@ struct IgsioSequence {
   int width = 0;   // fastest axis
   int height = 0;  // rows
   IgsioElement element = IgsioElement::kUint8;
-  /// What the image axes are, one letter each: M marked side of the probe, U unmarked side, F far
-  /// (away from the probe), N near, A ascending, D descending in elevation. "MF" or "MFA" is an
+  /// Orientation of the image axes, one letter each: M marked side of the probe, U unmarked side, F
+  /// far (away from the probe), N near, A ascending, D descending in elevation. "MF" or "MFA" is an
   /// upright B-mode image, "FM" one whose lines are contiguous; "" if the file has none.
   std::string orientation;
   /// "BRIGHTNESS", "RF_REAL", "RF_IQ_LINE" or "RF_I_LINE_Q_LINE"; "" if the file has none.

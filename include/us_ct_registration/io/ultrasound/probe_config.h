@@ -43,8 +43,8 @@ struct ProbeMotor {
   double frame_travel_rad = 0.0;
 };
 
-/// Where the samples lie along a line. At most one of spacing, depth and frequency is set; with
-/// none the data file has to say the frequency (an Ultrasonix file does).
+/// Positions of the samples along a line. At most one of spacing, depth and frequency is set; if
+/// none is, the data file must give the frequency (an Ultrasonix file does).
 struct ProbeSampling {
   double start_depth_mm = 0.0;
   std::optional<double> sample_spacing_mm;

@@ -27,7 +27,7 @@ struct VolumeInfo {
   /// Values are stored times `scale` plus `offset` (NIfTI's scl_slope and scl_inter).
   double scale = 1.0;
   double offset = 0.0;
-  /// What is unusual in the header but was understood.
+  /// Warnings about unusual but valid content of the header.
   std::vector<std::string> warnings;
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How many of several files a message names.
+/// Greatest number of files that a message names.
 constexpr std::size_t kNamed = 4;
 
 std::string file_name(const DicomFile& file) { return file.path.filename().string(); }

@@ -10,7 +10,7 @@
 namespace usct::io {
 namespace {
 
-/// How many of several faults a message spells out.
+/// Greatest number of faults that a message lists.
 constexpr std::size_t kNamed = 4;
 
 /// Gaps between neighbours that are equal within the tolerance.

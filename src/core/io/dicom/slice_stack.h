@@ -6,7 +6,7 @@
 
 #include "us_ct_registration/volume/volume.h"
 
-/// Where the slices of a series lie, and how they become a regular grid. Nothing here depends on
+/// Positions of the slices of a series, and their combination into a regular grid. Independent of
 /// DICOM.
 namespace usct::io {
 
@@ -40,8 +40,9 @@ struct SliceStack {
   /// the smallest one within the tolerance.
   double least_spacing_mm = 0.0;
 
-  /// In words, what keeps the slices from being a grid at all: different sizes, spacings or
-  /// directions, or a single slice. If there is anything, the order is not known.
+  /// Reasons why the slices form no grid at all (different sizes, spacings or directions, or a
+  /// single slice), and irregularities that resampling can repair (tilt, uneven spacing, missing
+  /// slices). The order is known only if `fatal` is empty.
   std::vector<std::string> fatal;
   /// In words, what resampling can mend: tilt, uneven spacing, missing slices.
   std::vector<std::string> irregular;

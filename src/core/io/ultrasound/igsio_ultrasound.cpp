@@ -118,7 +118,7 @@ PreScanVolume along_beams(const TrackedImages& images, const UltrasoundSource& s
   recorded.samples = source.samples;
   recorded.lines = line_count(probe.array);
   recorded.frames = images.count();
-  // Only the sampling along the lines is taken from this geometry: the poses are the images' own.
+  // Only the sampling along the lines comes from this geometry; the poses are those of the images.
   TrackedSweep poses;
   poses.T_us_frame.assign(images.T_us_pixel.size(), Eigen::Isometry3d::Identity());
   const AxialSampling axial = tracked_geometry(probe, recorded, poses, name).axial;
