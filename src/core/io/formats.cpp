@@ -22,13 +22,35 @@ namespace {
 using Source = UltrasoundSource;
 
 constexpr const char* kOwnGeometry = "it holds its own geometry";
-constexpr const char* kMotorised = "it holds sweeps of a motorised probe, without poses";
 
 UltrasoundInput read_cartesian(const Source& source) {
   return {read_volume<std::uint8_t>(source.path), {}};
 }
 
 UltrasoundInput read_prescan(const Source& source) { return {read_prescan_nrrd(source.path), {}}; }
+
+UltrasoundFormat igsio_sequence() {
+  return {read_igsio_ultrasound,
+          {},
+          {&Source::probe, &Source::calibration, &Source::from, &Source::to,
+           &Source::skip_invalid_frames, &Source::image_origin_px, &Source::image_spacing_mm,
+           &Source::samples},
+          "it holds one sweep, with a pose for each frame",
+          ".igs.mha",
+          write_igsio_beams};
+}
+
+/// A recording of a scanner whose header lacks the geometry of the probe.
+UltrasoundFormat motorised_recording(
+    UltrasoundInput (*read)(const Source&), std::vector<UltrasoundField> usable_options,
+    const char* ending, void (*write)(const PreScanVolume&, const std::filesystem::path&)) {
+  return {read,
+          {&Source::probe},
+          std::move(usable_options),
+          "it holds sweeps of a motorised probe, without poses",
+          ending,
+          write};
+}
 
 /// The rows in order of precedence. The content of a file speaks before its name where it can: a
 /// pre-scan NRRD and an IGSIO sequence have the endings of volumes.
@@ -46,14 +68,7 @@ std::vector<FileFormat> make_table() {
        {},
        is_igsio,
        describe_igsio,
-       UltrasoundFormat{read_igsio_ultrasound,
-                        {},
-                        {&Source::probe, &Source::calibration, &Source::from, &Source::to,
-                         &Source::skip_invalid_frames, &Source::image_origin_px,
-                         &Source::image_spacing_mm, &Source::samples},
-                        "it holds one sweep, with a pose for each frame",
-                        ".igs.mha",
-                        write_igsio_beams}},
+       igsio_sequence()},
       {"volume",
        FileContent::kVolume,
        {},
@@ -79,23 +94,16 @@ std::vector<FileFormat> make_table() {
        {".vol"},
        is_propello,
        describe_propello,
-       UltrasoundFormat{read_propello_ultrasound,
-                        {&Source::probe},
-                        {&Source::sweep, &Source::first_backward},
-                        kMotorised,
-                        ".vol",
-                        write_propello_beams}},
+       motorised_recording(read_propello_ultrasound, {&Source::sweep, &Source::first_backward},
+                           ".vol", write_propello_beams)},
       {"Ultrasonix recording",
        FileContent::kUltrasound,
        {".bpr", ".b8", ".b32", ".rf", ".mpr", ".m"},
        is_ultrasonix,
        describe_ultrasonix,
-       UltrasoundFormat{read_ultrasonix_ultrasound,
-                        {&Source::probe},
-                        {&Source::sweep, &Source::frames_per_sweep, &Source::first_backward},
-                        kMotorised,
-                        ".bpr",
-                        write_ultrasonix_beams}},
+       motorised_recording(read_ultrasonix_ultrasound,
+                           {&Source::sweep, &Source::frames_per_sweep, &Source::first_backward},
+                           ".bpr", write_ultrasonix_beams)},
   };
 }
 
