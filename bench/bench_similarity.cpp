@@ -36,7 +36,7 @@ const BeamUltrasound& ultrasound() {
   return result;
 }
 
-/// Covers nearly all of the field.
+/// A CT that covers nearly all of the field.
 Volume<float> ct(double spacing_mm) {
   Grid grid;
   grid.spacing_mm.setConstant(spacing_mm);
@@ -58,7 +58,7 @@ Eigen::Isometry3d pose() {
   return Eigen::Isometry3d(Eigen::AngleAxisd(0.1, Eigen::Vector3d(1, 2, 3).normalized()));
 }
 
-/// Makes the kernel run with these instructions; all that there are for 0.
+/// Restricts the kernel to these instructions; 0 allows all that the machine has.
 void use_target(std::int64_t target) {
   hwy::SetSupportedTargetsForTest(target);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());

@@ -23,9 +23,9 @@ struct EvaluateOptions {
 struct Evaluation {
   RegistrationResult result;
   std::size_t targets = 0;
-  std::optional<TargetErrors> errors;            // if the result is registered
-  std::optional<ExpectedTargetErrors> expected;  // if it has a covariance
-  std::vector<TargetErrors> candidates;          // if requested
+  std::optional<TargetErrors> errors;            // set if the result is registered
+  std::optional<ExpectedTargetErrors> expected;  // set if it has a covariance
+  std::vector<TargetErrors> candidates;          // filled if requested
 };
 
 Evaluation evaluate(const EvaluateOptions& options) {

@@ -28,7 +28,7 @@ namespace usct::tools {
 namespace {
 
 constexpr const char* kDefaultPreset = "patient";
-/// Without an initial pose it has a chance.
+/// The preset whose search is wide enough to succeed without an initial pose.
 constexpr const char* kGlobalPreset = "global";
 
 struct RegisterCommand {
@@ -52,7 +52,7 @@ struct RegisterCommand {
   bool json = false;
 };
 
-/// What is registered, and from where.
+/// The input of a registration: the images, the initial pose and the targets.
 struct Case {
   CtVolume ct;
   Ultrasound us;
@@ -66,7 +66,7 @@ void start_from_all_orientations(RegistrationOptions& options) {
   if (!starts)
     throw InputError("--all-orientations", "is given, but the search of the options has no starts");
   starts->region = StartRegion::kBall;
-  starts->rotation_rad = kPi;  // half a turn
+  starts->rotation_rad = kPi;  // up to half a turn
 }
 
 RegistrationOptions options_of(const RegisterCommand& command) {
@@ -87,7 +87,7 @@ void require_initial_pose(const RegisterCommand& command) {
                    "needed with --preset global or --all-orientations");
 }
 
-/// Before the work, not after it: whether a file can be written there.
+/// Checks before the work, rather than after it, that a file can be written there.
 void require_place(const std::string& option, const std::filesystem::path& path) {
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   if (!std::filesystem::is_directory(folder))
@@ -120,8 +120,8 @@ void set_threads(const RegisterCommand& command) {
   if (command.threads > 0) omp_set_num_threads(command.threads);
 }
 
-/// Beside the ultrasound, if there is a second thread. OpenMP's number of threads is set there once
-/// more: each thread has its own.
+/// Reads the CT beside the ultrasound, if there is a second thread. That thread sets OpenMP's
+/// number of threads again, since each thread has its own.
 std::future<CtVolume> start_reading_ct(const RegisterCommand& command) {
   return std::async(command.threads == 1 ? std::launch::deferred : std::launch::async, [&command] {
     set_threads(command);
@@ -165,7 +165,7 @@ void write_pictures(const RegisterCommand& command, const Case& c,
       c.T_us_ct_initial, result, command.pictures, options);
 }
 
-/// How far `T` takes the middle of the field, and by which angle it turns.
+/// Displacement of the middle of the field by `T`, and the angle of its rotation.
 struct Motion {
   double mm;
   double degrees;
@@ -237,8 +237,8 @@ void print_summary(const RegisterCommand& command, const Case& c,
     std::printf("%s\n", command.transform.c_str());
 }
 
-/// On standard error, whatever --quiet and --json: an old transform must not be taken for a new
-/// one.
+/// Warns on standard error even with --quiet and --json: an old transform must not be taken for a
+/// new one.
 void warn_of_refusal(const RegisterCommand& command, const RegistrationResult& result) {
   std::fprintf(stderr, "usct: not registered: %s (%s)\n", status_name(result.status),
                result.message.c_str());

@@ -68,7 +68,7 @@ struct OptimizerOptions {
   /// Tolerance of the position, in the units of `scale`; > 0, below `initial_step`. The search has
   /// converged when it has contracted to this: the standard deviation of each parameter over a
   /// population, the radius of the trust region, the extent of the simplex, or the change over an
-  /// iteration of PRAXIS. The box must be four times as wide.
+  /// iteration of PRAXIS. The box must be at least four times as wide.
   double step_tolerance = 0.01;
   /// Tolerance of the cost; >= 0. The methods of NLopt have converged when an improvement is below
   /// it. CMA-ES has converged when the costs of its population and the best costs of the last 10 +

@@ -17,7 +17,7 @@ enum class RegistrationStatus {
   kRegistered,     // found, and confident
   kLowConfidence,  // found something that must not be used as a registration
   kNoOverlap,      // CT and ultrasound share too little
-  kCancelled,      // by the caller
+  kCancelled,      // the caller ended it
 };
 
 /// "failed", "registered", "low_confidence", "no_overlap", "cancelled".
@@ -56,9 +56,9 @@ struct RegistrationResult {
   int evaluations = 0;
   /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`.
   std::map<std::string, double> seconds;
-  /// The options that it ran with, as text.
+  /// The options of the run, as text.
   std::map<std::string, std::string> options;
-  /// Version of this package that made it.
+  /// Version of this package that made the result.
   std::string version;
 };
 

@@ -16,9 +16,9 @@ struct ProbeDirection {
   Eigen::Vector3d lateral = Eigen::Vector3d::UnitX();  // left
 };
 
-/// Two words, for the axial and the lateral axis, of left, right, anterior, posterior, superior and
-/// inferior. Throws InputError, naming `source`, for anything else and unless they are at right
-/// angles.
+/// Parses two words, for the axial and the lateral axis, each one of left, right, anterior,
+/// posterior, superior and inferior. Throws InputError, naming `source`, for any other word and
+/// unless the axes are at right angles.
 ProbeDirection parse_probe_direction(const std::vector<std::string>& words,
                                      const std::string& source);
 
@@ -27,7 +27,7 @@ ProbeDirection parse_probe_direction(const std::vector<std::string>& words,
 Eigen::Isometry3d rough_pose(const Grid& ct, const BeamGrid& beams,
                              const ProbeDirection& direction);
 
-/// Mean of the middles of all beams, US frame, mm.
+/// Mean of the midpoints of all beams, US frame, mm.
 Eigen::Vector3d middle_mm(const BeamGrid& beams);
 
 }  // namespace usct

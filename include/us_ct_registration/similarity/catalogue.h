@@ -17,7 +17,7 @@
 /// All similarities. A new metric is a file of its own (see metric.h) and a type in this list.
 namespace usct {
 
-/// The options of one metric; the type says which, and knows its name, its needs and its factory.
+/// The options of one metric; the type stands for the metric and knows its name, needs and factory.
 using SimilarityOptions =
     std::variant<LocalLc2Options, GlobalLc2Options, NccOptions, MattesMiOptions, NmiOptions,
                  CorrelationRatioOptions, JointCorrelationRatioOptions, SimulatedLc2Options>;
@@ -25,11 +25,11 @@ using SimilarityOptions =
 /// The name of the metric in files.
 const char* similarity_name(const SimilarityOptions& options);
 
-/// All names, in the order of the list.
+/// The names of all metrics, in the order of the list.
 std::vector<std::string> similarity_names();
 
 /// The default options of the metric with this name. Throws InputError, naming `source` and the
-/// names that there are, for any other name.
+/// existing names, for any other name.
 SimilarityOptions similarity_named(const std::string& name, const std::string& source);
 
 SimilarityNeeds needs_of(const SimilarityOptions& options);
@@ -37,9 +37,10 @@ SimilarityNeeds needs_of(const SimilarityOptions& options);
 /// Throws InputError, naming `source`, the field, its value and the constraint.
 void validate(const SimilarityOptions& options, const std::string& source);
 
-/// Null if the ultrasound has no structure that the metric could explain. What lies outside the CT
-/// counts as its background, with no gradient: leaving it out would let an optimizer gain by moving
-/// out of the CT. Acquisition errors are to first order, as UltrasoundPatches has them.
+/// Makes a similarity; null if the ultrasound has no structure that the metric could explain.
+/// Samples outside the CT count, with the value of the background and no gradient: leaving them out
+/// would let an optimizer gain by moving out of the CT. Acquisition errors are followed to first
+/// order, as in UltrasoundPatches.
 ///
 /// Throws InputError for invalid options, and std::logic_error if the images lack a CT that the
 /// metric needs.

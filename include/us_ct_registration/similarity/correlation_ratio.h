@@ -4,13 +4,13 @@
 
 namespace usct {
 
-/// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998), CT values shared
-/// between the two nearest bins; [0, 1].
+/// Correlation ratio eta^2 of the ultrasound given the CT value (Roche 1998); each CT value is
+/// shared between the two nearest bins. The value lies in [0, 1].
 struct CorrelationRatioOptions {
   static constexpr const char* kName = "correlation_ratio";
 
   PatchOptions patches;
-  /// Bins that divide the window of the CT; [8, 128].
+  /// Number of bins that divide the window of the CT; [8, 128].
   int bins = 24;
 
   SimilarityNeeds needs() const;

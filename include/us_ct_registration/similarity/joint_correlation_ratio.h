@@ -4,21 +4,21 @@
 
 namespace usct {
 
-/// Correlation ratio of the ultrasound given CT value and gradient magnitude together: how much of
-/// the ultrasound's variance any function of the two explains, one function for all samples;
+/// Correlation ratio of the ultrasound given CT value and gradient magnitude together: the share of
+/// the ultrasound's variance that a function of the two can explain, one function for all samples;
 /// [0, 1].
 struct JointCorrelationRatioOptions {
   static constexpr const char* kName = "joint_correlation_ratio";
 
   PatchOptions patches;
-  /// Knots along the CT value, evenly over its window; [8, 128].
+  /// Number of knots along the CT value, spaced evenly over its window; [8, 128].
   int bins = 24;
-  /// Knots along the gradient, [2, 32], and the gradient in the middle of them: steep gradients are
-  /// rare, and echo alike.
+  /// Number of knots along the gradient, [2, 32], and the gradient at the middle knot. Knots are
+  /// sparse at steep gradients, which are rare and have similar echoes.
   int gradient_bins = 8;
   double gradient_scale_hu_per_mm = 25.0;
-  /// A knot that few samples share would explain them by chance: it is held to the mean of all
-  /// samples as if this many more had it; >= 0.
+  /// Few samples at a knot would explain it by chance, so a knot's mean is drawn towards the mean
+  /// of all samples, as if this many additional samples had that mean; >= 0.
   double prior_samples = 10.0;
 
   SimilarityNeeds needs() const;

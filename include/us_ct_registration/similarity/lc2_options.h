@@ -6,10 +6,10 @@
 
 namespace usct {
 
-/// The channel that explains ultrasound beside the CT value.
+/// The channel that explains ultrasound together with the CT value.
 enum class GradientChannel {
   kMagnitude,  // |grad mu|
-  kAlongBeam,  // |d . grad mu|: what reflects a beam back to the array (eq 4.3)
+  kAlongBeam,  // |d . grad mu|, which reflects a beam back to the array (eq 4.3)
 };
 
 constexpr auto words_of(GradientChannel) {
@@ -21,11 +21,11 @@ constexpr auto words_of(GradientChannel) {
 /// ultrasound, found by least squares with ridge regularisation.
 struct Lc2Options {
   GradientChannel channel = GradientChannel::kMagnitude;
-  /// A patch whose CT values deviate by this much, or less, explains little. Without a ridge, noise
-  /// and faint structure explain as much as an edge. 0: none.
+  /// A patch whose CT values have this standard deviation, or less, explains little. Without a
+  /// ridge, noise and faint structure explain as much as an edge. 0: no ridge.
   double ridge_intensity_hu = 20.0;
   double ridge_gradient_hu_per_mm = 40.0;
-  /// The gradient may only brighten the ultrasound, as interfaces do; its weight is >= 0.
+  /// Whether the gradient can only brighten the ultrasound, as interfaces do: its weight is >= 0.
   bool positive_gradient = true;
 
   /// Throws InputError, naming `source`, the field, its value and the constraint.

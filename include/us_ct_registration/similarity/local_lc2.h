@@ -16,19 +16,20 @@ constexpr auto words_of(PatchWeighting) {
        {PatchWeighting::kVariance, "variance"}}};
 }
 
-/// LC2 (Wein 2008) with one set of weights per patch (Wein 2013, Fuerst 2014): how much of the
-/// ultrasound's variance the CT value and its gradient explain; in [0, 1]. Its parts are the
+/// LC2 (Wein 2008) with one set of weights per patch (Wein 2013, Fuerst 2014): the share of the
+/// ultrasound's variance that the CT value and its gradient explain; in [0, 1]. Its parts are the
 /// patches.
 struct LocalLc2Options : Lc2Options {
   static constexpr const char* kName = "local_lc2";
 
   PatchOptions patches;
   PatchWeighting weighting = PatchWeighting::kDeviation;
-  /// The probe presses what is near, and the wall slides over the organs, so patches at a depth of
-  /// d mm weigh d^2 / (d^2 + pressed_mm^2) of that; [0, 200], 0: all of it.
+  /// The probe compresses shallow tissue, and the abdominal wall slides over the organs, so the
+  /// weight of a patch at a depth of d mm is multiplied by d^2 / (d^2 + pressed_mm^2); [0, 200], 0:
+  /// not reduced.
   double pressed_mm = 0.0;
-  /// Patches contribute the explained share to this power; [0.25, 8]. Chance explains a little of
-  /// every patch, true structure much of a few: above 1 the few count.
+  /// A patch contributes its explained share to this power; [0.25, 8]. Chance explains a little of
+  /// every patch, true structure much of a few: a power above 1 favours those few.
   double power = 1.0;
 
   SimilarityNeeds needs() const;

@@ -10,8 +10,8 @@ struct MattesMiOptions {
   static constexpr const char* kName = "mattes_mi";
 
   PatchOptions patches;
-  /// Of the joint histogram, per image; [8, 128]. Those of the CT divide its window, those of the
-  /// ultrasound what lies between its 0.5th and 99.5th percentiles.
+  /// Number of bins of the joint histogram per image; [8, 128]. Those of the CT divide its window,
+  /// those of the ultrasound the range between its 0.5th and 99.5th percentiles.
   int bins = 24;
 
   SimilarityNeeds needs() const;

@@ -6,10 +6,10 @@
 #include "us_ct_registration/similarity/similarity.h"
 #include "us_ct_registration/similarity/similarity_images.h"
 
-/// What every metric's file builds on: the options of metric M are a struct that knows
+/// The interface of a metric's file. The options of metric M are a struct with
 ///
-///     static constexpr const char* kName;               // what M is called in files
-///     SimilarityNeeds needs() const;                    // what M asks of the images
+///     static constexpr const char* kName;               // the name of M in files
+///     SimilarityNeeds needs() const;                    // the images that M uses
 ///     void validate(const std::string& source) const;   // throws InputError
 ///     describe(fields, options)                         // its keys in files, beside the struct
 ///

@@ -4,14 +4,14 @@
 
 namespace usct {
 
-/// Normalised mutual information (Studholme 1999), (H(U) + H(CT)) / H(U, CT), of the same histogram
-/// as mutual information (mattes_mi.h); [1, 2].
+/// Normalised mutual information (Studholme 1999), (H(U) + H(CT)) / H(U, CT), from the same joint
+/// histogram as mattes_mi.h; [1, 2].
 struct NmiOptions {
   static constexpr const char* kName = "nmi";
 
   PatchOptions patches;
-  /// Of the joint histogram, per image; [8, 128]. Those of the CT divide its window, those of the
-  /// ultrasound what lies between its 0.5th and 99.5th percentiles.
+  /// Number of bins of the joint histogram per image; [8, 128]. Those of the CT divide its window,
+  /// those of the ultrasound the range between its 0.5th and 99.5th percentiles.
   int bins = 24;
 
   SimilarityNeeds needs() const;

@@ -7,8 +7,8 @@
 
 namespace usct {
 
-/// Which samples count: all, or every other one along each line, across lines and across frames (a
-/// face-centred lattice), which takes half the time and averages less noise.
+/// The samples that count: all, or every other one along each line, across lines and across frames
+/// (a face-centred lattice), which takes half the time and averages less noise.
 enum class SampleSubset { kAll, kHalf };
 
 constexpr auto words_of(SampleSubset) {
@@ -19,8 +19,8 @@ constexpr auto words_of(SampleSubset) {
 /// Options for cutting ultrasound into patches. Metrics with one set of weights for all samples use
 /// patches as well, since the patch decides which samples count.
 struct PatchOptions {
-  /// Edges, mm, along the beams, across lines and across frames; judged in the middle of the
-  /// depths, since beams diverge. Infinite: one patch along that axis.
+  /// Edges, mm, along the beams, across lines and across frames, measured at the middle depth since
+  /// beams diverge. Infinite: one patch along that axis.
   double depth_mm = 4.0;
   double lateral_mm = 4.0;
   double elevation_mm = 4.0;

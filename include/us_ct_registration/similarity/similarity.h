@@ -12,10 +12,10 @@ namespace usct {
 /// Errors of an acquisition that a registration may estimate along with the pose. Both are
 /// fractions, 0 where the recorded geometry is right.
 struct AcquisitionErrors {
-  /// Echoes lie at (1 + depth) times the recorded depth: what a wrong speed of sound does.
+  /// Echoes lie at (1 + depth) times the recorded depth, as with a wrong speed of sound.
   double depth = 0.0;
-  /// Frames lie (1 + sweep) times as far from the middle one as recorded: motor angle, or path of
-  /// the tracked probe.
+  /// Frames lie (1 + sweep) times as far from the middle frame as recorded, by an error of the
+  /// motor's angle or of the tracked path.
   double sweep = 0.0;
 };
 
@@ -27,9 +27,9 @@ struct SimilarityPose {
 };
 
 struct SimilarityValue {
-  /// Higher is better; NaN where nothing can be said (no overlap at all).
+  /// Higher is better; NaN if the similarity is undefined (no overlap at all).
   double value = std::numeric_limits<double>::quiet_NaN();
-  /// Share of the ultrasound's samples that count which lie in the CT, in [0, 1].
+  /// Share of the ultrasound's counting samples that lie in the CT, in [0, 1].
   double overlap = 0.0;
 };
 
@@ -40,9 +40,9 @@ class Similarity {
  public:
   virtual ~Similarity() = default;
 
-  /// Fills `values[i]` for `poses[i]`, i in [0, count). Several poses are shared between the
-  /// threads; a single pose leaves the threads to the patches of the ultrasound. `check` is called
-  /// before each pose, from several threads, and may throw to cancel.
+  /// Fills `values[i]` for `poses[i]`, i in [0, count). The threads share several poses among them;
+  /// for a single pose they share the patches of the ultrasound. `check` is called before each
+  /// pose, from several threads, and may throw to cancel.
   virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                         const Check& check) const = 0;
 

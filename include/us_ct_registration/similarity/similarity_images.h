@@ -15,8 +15,8 @@ class PackedCt;
 class SimilarityBackend;
 struct UltrasoundPatches;
 
-/// A CT made for fast sampling: limited to the window and kept in 8 bits. `background_hu` is what
-/// lies outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along an
+/// A CT made for fast sampling: limited to the window and kept in 8 bits. `background_hu` is the CT
+/// value outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along an
 /// axis, or if the window is invalid, or the background lies outside it.
 std::shared_ptr<const PackedCt> pack_ct(const Volume<float>& ct_hu, const HuWindow& window,
                                         double background_hu);
@@ -26,23 +26,23 @@ std::shared_ptr<const PackedCt> pack_ct(const Volume<float>& ct_hu, const HuWind
 const SimilarityBackend& scalar_backend();
 const SimilarityBackend& simd_backend();
 
-/// Ultrasound and CT as the similarities of one level see them. What several similarities need is
-/// made when the first asks for it, and shared.
+/// Ultrasound and CT as the similarities of one level use them. Data that several similarities need
+/// are made on first use, and shared.
 class SimilarityImages {
  public:
   /// A CT may be left out (null) where no similarity needs it: metrics of patches sample
-  /// `packed_ct`, metrics that simulate whole beams follow them through `recorded_ct`.
-  /// `with_beams`: keep the direction of each sample's beam (see SimilarityNeeds::beams), which
-  /// takes three quarters of the memory.
+  /// `packed_ct`, metrics that simulate whole beams follow them through `recorded_ct`. `with_beams`
+  /// keeps the direction of each sample's beam (see SimilarityNeeds::beams), which then takes three
+  /// quarters of the memory.
   SimilarityImages(std::shared_ptr<const BeamUltrasound> ultrasound,
                    std::shared_ptr<const PackedCt> packed_ct,
                    std::shared_ptr<const CtVolume> recorded_ct, bool with_beams = true,
                    const SimilarityBackend& backend = simd_backend());
 
   const BeamUltrasound& ultrasound() const { return *ultrasound_; }
-  /// Null if no patch of the ultrasound has structure. Not to be called from several threads.
+  /// Null if no patch of the ultrasound has structure. Must not be called from several threads.
   std::shared_ptr<const UltrasoundPatches> patches(const PatchOptions& options);
-  /// Throw std::logic_error if there is none.
+  /// Throw std::logic_error if there is no such CT.
   std::shared_ptr<const PackedCt> packed_ct() const;
   const CtVolume& recorded_ct() const;
   const SimilarityBackend& backend() const { return backend_; }

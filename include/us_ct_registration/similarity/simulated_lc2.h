@@ -30,12 +30,13 @@ std::shared_ptr<const Similarity> make(SimilarityImages& images,
                                        const SimulatedLc2Options& options);
 
 /// The value of `simulate_components` and `fit_to_ultrasound` (see there) in one pass without
-/// intermediate images, in single precision but for the sums; lines side by side in SIMD, by the
-/// widest instructions of the processor. One thread per evaluation.
+/// intermediate images, in single precision except for the sums. The lanes of SIMD vectors hold
+/// neighbouring lines, with the widest instructions of the processor. An evaluation uses one
+/// thread.
 ///
-/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as
-/// ConditionedUltrasound::reasons; what is not known does not count either. The value is NaN, with
-/// the overlap as it is, wherever `fit_to_ultrasound` gives no fit. Both images are copied.
+/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as in
+/// ConditionedUltrasound::reasons; unknown samples do not count either. Where `fit_to_ultrasound`
+/// gives no fit the value is NaN, and only the overlap is valid. Both images are copied.
 ///
 /// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` is not
 /// 0, and for a transform that is not finite and rigid.

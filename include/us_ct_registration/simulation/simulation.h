@@ -160,7 +160,7 @@ struct FitOptions {
 
 enum class FitStatus {
   kNotFitted,
-  kFitted,              // by least squares
+  kFitted,              // weights by least squares
   kFixedWeights,        // the given weights were used
   kNoUsableUltrasound,  // every sample is excluded
   kNoOverlap,           // too few usable samples lie in the CT

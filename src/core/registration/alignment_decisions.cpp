@@ -93,7 +93,7 @@ DecisionAnswer AlignmentDecisions::offer(const OfferedResult& result, std::int64
 }
 
 DecisionAnswer AlignmentDecisions::accept_waiting(std::int64_t now_ns) {
-  // An alignment that never counted is nothing to go back to.
+  // An alignment that never counted is no state to revert to.
   if (current_ && !restored_waits()) history_.push_back(*current_);
   if (history_.size() > kHistory) history_.pop_front();
   current_ = waiting_->alignment;
@@ -115,7 +115,7 @@ DecisionAnswer AlignmentDecisions::wrong_id(std::uint32_t result_id,
 
 DecisionAnswer AlignmentDecisions::accept(std::uint32_t result_id, std::int64_t now_ns) {
   if (waiting_ && (result_id == 0 || result_id == waiting_->alignment.result_id)) {
-    // The CT that is held, or the frame that the CT hangs on, may have changed since it came.
+    // The CT that is held, or the parent of its frame, may have changed since the result came.
     if (const std::string wrong = violation(waiting_->alignment); !wrong.empty())
       return {Code::kInvalidRequest,
               named(waiting_->alignment.result_id) + " cannot be accepted: " + wrong};

@@ -37,7 +37,7 @@ Background BackgroundPoses::of(const Similarity& similarity, const Candidate& be
   if (values.size() < 2) return background;
   std::sort(values.begin(), values.end());
   constexpr double kUpper = 0.9;
-  constexpr double kUpperInDeviations = 1.2816;  // of a normal distribution
+  constexpr double kUpperInDeviations = 1.2816;  // upper decile of a normal distribution
   const auto quantile = [&](double share) {
     return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
   };

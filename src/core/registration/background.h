@@ -4,13 +4,14 @@
 
 namespace usct::registration {
 
-/// Values of a similarity at poses where nothing fits: median, and the deviation of a normal
-/// distribution with the same upper decile (some poses fit a little, so that tails are long).
+/// Background of a similarity: the median of its values at poses where nothing fits, and the
+/// deviation of a normal distribution with the same upper decile (a few poses fit a little, so the
+/// tail is long).
 struct Background {
   double median = 0.0;
   double deviation = 0.0;
 
-  /// Height of a value in deviations above the median.
+  /// Height of a value above the median, in deviations.
   double significance(double value) const {
     return deviation > 0.0 ? (value - median) / deviation : 0.0;
   }
@@ -22,7 +23,7 @@ class BackgroundPoses {
   BackgroundPoses(const Eigen::Isometry3d& T_us_ct_initial, const FieldPoints& field,
                   const std::optional<StartOptions>& starts, const BackgroundOptions& options);
 
-  /// Without the poses near `best`, which may profit from it.
+  /// The background without the poses near `best`, whose similarity may be raised by it.
   Background of(const Similarity& similarity, const Candidate& best, Run& run) const;
 
  private:

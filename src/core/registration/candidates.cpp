@@ -61,7 +61,7 @@ class Parameters {
 
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            Candidate& candidate, Run& run) {
-  if (!candidate.has_value()) return;  // there is no slope to climb
+  if (!candidate.has_value()) return;  // without a value there is no slope to climb
   const Parameters parameters(how, candidate, field);
   OptimizerProblem problem = parameters.problem();
   problem.cost = [&](const VectorXd& x) {

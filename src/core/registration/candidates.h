@@ -10,11 +10,11 @@
 
 namespace usct::registration {
 
-/// A pose and what a similarity says of it.
+/// A pose and its similarity.
 struct Candidate {
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   AcquisitionErrors errors;
-  /// The lowest of all where the similarity has no value.
+  /// Value of the similarity; the lowest of all if it has none.
   double value = -std::numeric_limits<double>::infinity();
   double overlap = 0.0;
 
@@ -22,7 +22,7 @@ struct Candidate {
   SimilarityPose pose() const { return {T_us_ct.inverse(), errors}; }
 };
 
-/// Positions all over what the ultrasound sees, US frame, mm: distances between poses are mean
+/// Positions spread over the field of view, US frame, mm. Distances between poses are mean
 /// displacements of these points.
 class FieldPoints {
  public:
@@ -37,27 +37,28 @@ class FieldPoints {
   std::vector<Eigen::Vector3d> points_us_mm_;
 };
 
-/// Fills in value and overlap.
+/// Fills in value and overlap of the candidates.
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run);
 
 /// Options for climbing from candidates.
 struct Climb {
   const OptimizerOptions& optimizer;
   double reach_mm;
-  /// Limits within which AcquisitionErrors are estimated as well; 0: not.
+  /// Limits within which AcquisitionErrors are estimated as well; 0: not estimated.
   AcquisitionErrors error_limits;
   std::uint32_t seed;
 };
 
-/// Moves each candidate that has a value to an optimum near by, in parallel over the candidates;
-/// one alone leaves the threads to the similarity.
+/// Moves each candidate that has a value to a nearby optimum, in parallel over the candidates. For
+/// a single candidate the similarity uses the threads instead.
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run);
 
-/// Best first, `most` in all; candidates of equal value keep their order.
+/// Sorts best first and keeps `most` at most; candidates of equal value keep their order.
 void sort_best_first(std::vector<Candidate>& candidates, std::size_t most);
 
-/// Best first; of candidates closer than `distinct_mm` only the best stays, and `most` in all.
+/// The candidates best first, `most` at most; of those closer than `distinct_mm` only the best
+/// stays.
 std::vector<Candidate> best_distinct(std::vector<Candidate> candidates, double distinct_mm,
                                      std::size_t most, const FieldPoints& field);
 

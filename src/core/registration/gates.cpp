@@ -44,7 +44,7 @@ std::string number(double value) {
   return text;
 }
 
-/// Written so that a measure that is not a number fails.
+/// The comparison is written so that a measure that is not a number fails.
 bool passes(const Gate& gate, double value, double limit) {
   return gate.at_least ? value >= limit : value <= limit;
 }

@@ -13,11 +13,11 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-/// About as many points judge distances between poses; more would not change them.
+/// Approximate number of points that measure distances between poses; more would not change them.
 constexpr std::size_t kPoints = 2000;
 /// Fewest points that define the six parameters of a pose.
 constexpr std::size_t kLeastPoints = 100;
-/// Along each axis: a cell of the packed CT and one voxel more to either side.
+/// Fewest voxels along each axis: a cell of the packed CT and one voxel more on either side.
 constexpr int kLeastVoxels = 4;
 
 std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
@@ -26,7 +26,7 @@ std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
   const std::size_t step = std::max<std::size_t>(1, counting / kPoints);
   std::vector<Vector3d> points;
   std::size_t i = 0;
-  std::size_t to_skip = 0;  // counted down, for a remainder takes far longer
+  std::size_t to_skip = 0;  // counted down, since a remainder takes far longer
   for (int f = 0; f < us.beams.frames; ++f)
     for (int l = 0; l < us.beams.lines; ++l)
       for (int s = 0; s < us.beams.samples(); ++s, ++i) {
@@ -37,7 +37,7 @@ std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
   return points;
 }
 
-/// First and last samples of beams all over the sweep.
+/// First and last samples of beams that are spread over the sweep.
 std::vector<Vector3d> outline(const BeamGrid& beams) {
   constexpr int kSteps = 6;
   std::vector<Vector3d> points;
@@ -51,8 +51,8 @@ std::vector<Vector3d> outline(const BeamGrid& beams) {
 
 bool needs_recorded_ct(const ClimbOptions& level) { return needs_of(level.similarity).recorded_ct; }
 
-/// Beams cost memory and time; positions are enough unless a similarity looks along the beams, or
-/// the refinement moves samples along them.
+/// Beams cost memory and time. Positions suffice unless a similarity uses the direction of the
+/// beams, or the refinement moves samples along them.
 bool needs_beams(const RegistrationOptions& options) {
   const auto along = [](const SimilarityOptions& similarity) { return needs_of(similarity).beams; };
   const std::optional<RefinementOptions>& refinement = options.refinement;
@@ -63,7 +63,7 @@ bool needs_beams(const RegistrationOptions& options) {
                          along(refinement->similarity)));
 }
 
-/// Whole voxels whose mean has about the spacing; an axis keeps two of them at least.
+/// Numbers of voxels whose mean has about the spacing; at least two voxels remain along each axis.
 Vector3i factors_to(const std::optional<double>& spacing_mm, const Grid& grid,
                     const Vector3i& available) {
   Vector3i factors = Vector3i::Ones();
@@ -87,8 +87,8 @@ Volume<float> averaged_ct(const CtInReach& in_reach, const std::optional<double>
                 in_reach.region);
 }
 
-/// `ct` is averaged to the spacing of the level, and empty where the similarity takes the recorded
-/// one.
+/// `ct` is averaged to the spacing of the level; it is empty if the similarity uses the recorded
+/// CT.
 std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
                                             const PreparedUltrasound& prepared,
                                             const CtInReach& in_reach, const Volume<float>& ct,
@@ -101,7 +101,7 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
       needs_beams(options));
 }
 
-/// A similarity on the images, or why there is none.
+/// A similarity on the images, or the reason why there is none.
 Outcome<Level> level_on(std::shared_ptr<SimilarityImages> images,
                         const SimilarityOptions& similarity) {
   Level level{std::move(images), nullptr};
@@ -132,7 +132,7 @@ void require_valid(const BeamUltrasound& ultrasound, const CtVolume& ct,
   if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial, "T_us_ct_initial");
 }
 
-/// Why no pose could ever be found.
+/// The reason why no pose could ever be found, if there is one.
 std::optional<Refusal> hopeless(const Eigen::Isometry3d& T_us_ct_initial,
                                 const RegistrationOptions& options) {
   if (!T_us_ct_initial.matrix().allFinite())

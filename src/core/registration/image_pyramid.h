@@ -9,22 +9,22 @@
 #include "us_ct_registration/similarity/similarity_images.h"
 #include "us_ct_registration/volume/operations.h"
 
-/// Both images as the search sees them: the ultrasound conditioned, the CT cropped to what the
-/// search can reach, and both averaged level by level.
+/// Both images as the search uses them: the ultrasound conditioned, the CT cropped to the part that
+/// the search can reach, and both averaged level by level.
 namespace usct::registration {
 
-/// The ultrasound as all levels see it: conditioned, and `known` where it counts.
+/// The ultrasound for all levels: conditioned, and `known` at the samples that count.
 struct PreparedUltrasound {
   std::shared_ptr<const BeamUltrasound> us;
   /// An even selection of the positions of samples that count.
   FieldPoints field;
 };
 
-/// `check` may throw to cancel; so below.
+/// Conditions the ultrasound. Here and below `check` may throw to cancel.
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
                                       const RegistrationOptions& options, const Check& check = {});
 
-/// A part of a CT; of size 0 where there is none. The CT must outlive it.
+/// A part of a CT; of size 0 if nothing is in reach. The CT must outlive it.
 struct CtInReach {
   const CtVolume& ct;
   Region region;
@@ -39,7 +39,7 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
                     const Eigen::Isometry3d& T_us_ct, double margin_mm);
 
 /// The CT averaged to the spacing of each level, coarse levels from fine ones. Empty for levels
-/// whose similarity takes the CT as it was recorded.
+/// whose similarity uses the recorded CT.
 std::vector<Volume<float>> averaged_cts(const CtInReach& in_reach,
                                         const std::vector<LevelOptions>& levels,
                                         const Check& check = {});
@@ -53,26 +53,26 @@ struct Level {
 struct ImagePyramid {
   PreparedUltrasound prepared;
   CtInReach in_reach;
-  /// As SearchOptions::levels.
+  /// The levels of SearchOptions::levels, in their order.
   std::vector<Level> levels;
-  /// A second similarity on the images of the deciding level (see ScatterOptions); null if it
-  /// cannot be made of those.
+  /// A second similarity on the images of the deciding level (see ScatterOptions); null if these
+  /// images do not suffice.
   std::shared_ptr<const Similarity> scatter_similarity;
 
   const Similarity& deciding() const { return *levels.back().similarity; }
   std::vector<const Similarity*> similarities() const;
 };
 
-/// The first step of a registration. Refuses ultrasound of which nothing counts or varies, a CT
-/// that lies nowhere near it, an initial pose that is not finite, and options that allow no
+/// The first step of a registration. Refuses ultrasound without samples that count or vary, a CT
+/// that is nowhere near it, an initial pose that is not finite, and options that allow no
 /// evaluation. Throws InputError for images and options that are malformed, and for an initial pose
 /// that is not rigid.
 Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& ct,
                               const Eigen::Isometry3d& T_us_ct_initial,
                               const RegistrationOptions& options, Run& run);
 
-/// A level of its own on the CT around a pose, for the refinement; on the images of the deciding
-/// level if they have the same spacing. Refuses a CT that does not overlap.
+/// The level of the refinement, on the CT around a pose. It uses the images of the deciding level
+/// if they have the same spacing. Refuses a CT that does not overlap.
 Outcome<Level> refinement_level(const ImagePyramid& images, const CtVolume& ct,
                                 const Eigen::Isometry3d& T_us_ct,
                                 const RegistrationOptions& options);

@@ -6,7 +6,7 @@
 namespace usct::registration {
 namespace {
 
-/// growth^round.
+/// The factor growth^round.
 std::size_t growth_of(const RoundOptions& rounds, int round) {
   std::size_t growth = 1;
   for (int r = 0; r < round; ++r) growth *= static_cast<std::size_t>(rounds.growth);
@@ -27,8 +27,8 @@ std::size_t breadth_of(const SearchProblem& problem, std::size_t level, int roun
   return growth_of(rounds, round) * static_cast<std::size_t>(breadth);
 }
 
-/// The starts of a round: the rounds take one part after the other of one sequence, each `growth`
-/// times as long as the part before. The first part begins with the initial pose.
+/// The starts of a round. The rounds take consecutive parts of one sequence, each `growth` times as
+/// long as the part before. The first part begins with the initial pose.
 std::vector<Candidate> starts_of(const SearchProblem& problem, int round) {
   if (!problem.options.starts) return {{problem.T_us_ct_initial, {}}};
   const RoundOptions& rounds = problem.options.rounds;

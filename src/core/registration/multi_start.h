@@ -9,7 +9,7 @@ namespace usct::registration {
 
 /// The problem of a search. The objects that it refers to must outlive it.
 struct SearchProblem {
-  /// Of the levels of the options, in their order.
+  /// One similarity per level of the options, in their order.
   std::vector<const Similarity*> similarities;
   const SearchOptions& options;
   const Eigen::Isometry3d& T_us_ct_initial;
@@ -17,8 +17,8 @@ struct SearchProblem {
   std::uint32_t seed;
 };
 
-/// One round of the search; `round` counts from 0. Returns the optima of the deciding level, best
-/// first, together with `found`, those of the rounds before; empty where nothing has a value.
+/// One round of the search; `round` counts from 0. Returns the optima of the deciding level
+/// together with `found`, those of earlier rounds, best first; empty if no pose has a value.
 std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run);
 

@@ -8,7 +8,7 @@
 
 namespace usct::registration {
 
-/// Why a registration cannot go on; becomes the result's status and message.
+/// The reason why a registration cannot go on; it becomes the result's status and message.
 struct Refusal {
   RegistrationStatus status = RegistrationStatus::kFailed;
   std::string message;

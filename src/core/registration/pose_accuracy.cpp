@@ -14,8 +14,8 @@ namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-/// 54 unit vectors, spread so evenly (the shortest ones of the lattice E6*, a spherical design of
-/// strength 5) that what is fitted to values there does not depend on how the axes are turned.
+/// 54 unit vectors: the shortest ones of the lattice E6*, a spherical design of strength 5, so that
+/// a quadratic fitted to values there does not depend on the orientation of the axes.
 std::vector<PoseVector> even_directions() {
   const double third = 1.0 / std::sqrt(3.0);
   std::vector<PoseVector> half{2.0 * third * PoseVector::Unit(5)};
@@ -35,13 +35,13 @@ std::vector<PoseVector> even_directions() {
   return all;
 }
 
-/// The quadratic that fits a similarity around a pose best.
+/// The quadratic that best fits a similarity around a pose.
 struct Quadratic {
-  Eigen::MatrixXd gradients;  // of the parts; columns: parameters
-  Matrix6d hessian;           // of their sum
+  Eigen::MatrixXd gradients;  // gradients of the parts in rows
+  Matrix6d hessian;           // Hessian of the sum of the parts
 };
 
-/// `centre`: the parts at the pose itself.
+/// `centre` holds the parts at the pose itself.
 Quadratic quadratic_around(const Similarity& similarity, const Candidate& best,
                            const PoseParameters& pose, const std::vector<double>& centre,
                            double around_mm, const Run& run) {
@@ -66,8 +66,8 @@ Quadratic quadratic_around(const Similarity& similarity, const Candidate& best,
     fit.hessian += values.sum() / count * places[i] * places[i].transpose();
     mean += values.sum() / count;
   }
-  // The mean of f x x^T, without its trace, is that of the Hessian times r^4 / (n (n + 2)); the
-  // trace of the Hessian is in how far the mean of f lies below the centre.
+  // Without its trace, the mean of f x x^T is that of the Hessian times r^4 / (n (n + 2)); the
+  // trace of the Hessian follows from the mean of f minus the centre.
   fit.hessian.diagonal().array() -= mean * square / kAxes;
   fit.hessian *= kAxes * (kAxes + 2.0) / (square * square);
   const double at_centre = std::accumulate(centre.begin(), centre.end(), 0.0);
@@ -75,8 +75,8 @@ Quadratic quadratic_around(const Similarity& similarity, const Candidate& best,
   return fit;
 }
 
-/// The motion that small parameters make, d(w, t) / d(parameters), about the origin of the US
-/// frame.
+/// Derivative of the motion by the parameters, d(w, t) / d(parameters), for a motion about the
+/// origin of the US frame.
 Matrix6d motion_of_parameters(const PoseParameters& pose) {
   Matrix6d motion = Matrix6d::Zero();
   motion.topLeftCorner<3, 3>() = pose.rotation_scale();
@@ -94,7 +94,7 @@ Matrix6d motion_of_parameters(const PoseParameters& pose) {
 std::optional<PoseAccuracy> pose_accuracy(const Similarity& similarity, const Candidate& best,
                                           const ConfidenceOptions& options,
                                           const FieldPoints& field, const Run& run) {
-  // Fewer parts than parameters, as of a global similarity, say nothing of how they scatter.
+  // Six or fewer parts, as in a global similarity, give no estimate of how six parameters scatter.
   constexpr std::size_t kLeastParts = 7;
   const std::vector<double> parts = similarity.parts(best.pose());
   if (parts.size() < kLeastParts) return std::nullopt;
@@ -176,11 +176,11 @@ double Assessor::margin(const std::vector<Candidate>& optima, const Background& 
     if (images_.prepared.field.distance_mm(optima[i].T_us_ct, best.T_us_ct) <=
         options_.confidence.rival_mm)
       continue;
-    // An optimum that its parts pull apart is no rival; only one that would fail the gate is worth
-    // that closer look.
+    // An optimum about which its parts disagree is no rival. This costly check is made only for an
+    // optimum that would fail the gate.
     if (lower(optima[i]) >= least || holds_together(optima[i], run)) return lower(optima[i]);
   }
-  // An optimum that is not in a full list is lower than the last one that is.
+  // An optimum that is missing from a full list is lower than the list's last one.
   const auto most = static_cast<std::size_t>(options_.search.most_optima);
   return optima.size() < most ? 1.0 : lower(optima.back());
 }
@@ -192,7 +192,7 @@ bool Assessor::holds_together(const Candidate& candidate, const Run& run) const 
   return !accuracy || accuracy->scatter_mm <= *most_mm;
 }
 
-/// By the second similarity, which did not choose the pose.
+/// Accuracy by the second similarity, which did not choose the pose.
 std::optional<PoseAccuracy> Assessor::accuracy_of(const Candidate& candidate,
                                                   const Run& run) const {
   if (!images_.scatter_similarity) return std::nullopt;

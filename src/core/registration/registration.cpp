@@ -11,8 +11,8 @@ namespace {
 
 using namespace registration;
 
-/// The pipeline: prepare, then in rounds search, refine, assess and judge, until the pose passes
-/// the gates or there are no more rounds.
+/// The pipeline prepares the images once; each round then searches, refines, assesses and judges,
+/// until the pose passes the gates or there are no more rounds.
 Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolume& ct,
                                          const Eigen::Isometry3d& T_us_ct_initial,
                                          const RegistrationOptions& options, Run& run) {

@@ -23,8 +23,8 @@ PatchOptions patches(double depth_mm, double across_mm) {
   return options;
 }
 
-/// One function of CT value and gradient that explains the ultrasound everywhere, on 4 mm from many
-/// starts, then on 2 mm.
+/// The search: one function of CT value and gradient explains the ultrasound everywhere, on 4 mm
+/// from many starts, then on 2 mm.
 std::vector<LevelOptions> patient_levels() {
   JointCorrelationRatioOptions metric;
   LevelOptions coarse;
@@ -43,7 +43,7 @@ std::vector<LevelOptions> patient_levels() {
   return {coarse, deciding};
 }
 
-/// The last fraction of a millimetre, by patches that need not agree on a function.
+/// The refinement: patches explain the ultrasound, and need not agree on one function.
 RefinementOptions patient_refinement() {
   LocalLc2Options metric;
   metric.patches = patches(4.0, 5.6);
@@ -55,8 +55,8 @@ RefinementOptions patient_refinement() {
   return refinement;
 }
 
-/// With hardly any ridge faint structure counts as well as edges, and gradients may darken: what
-/// does not fit shows.
+/// The second similarity: almost without a ridge faint structure counts as well as edges, and
+/// gradients may darken, so that misfits show.
 LocalLc2Options patient_scatter() {
   LocalLc2Options metric;
   metric.patches = patches(6.0, 8.0);
@@ -81,7 +81,7 @@ void ClimbOptions::validate(const std::string& source) const {
   if (spacing_mm) require_positive(source, "spacing_mm", *spacing_mm);
   usct::validate(similarity, source + ".similarity");
   optimizer.validate(source + ".optimizer");
-  // What every optimizer needs of a box.
+  // Every optimizer needs these properties of its box.
   require(std::isfinite(reach_mm) && reach_mm >= 2.0 * optimizer.step_tolerance, source, "reach_mm",
           reach_mm, "finite and >= twice optimizer.step_tolerance");
 }

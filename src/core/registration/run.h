@@ -21,7 +21,7 @@ class Run {
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
 
-  /// Throws Cancelled if the caller wants to stop. From any thread.
+  /// Throws Cancelled if the caller wants to stop. May be called from any thread.
   void check_cancelled() const {
     if (!hooks_.cancelled) return;
     const std::lock_guard<std::mutex> one_at_a_time(asking_);

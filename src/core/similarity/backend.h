@@ -5,8 +5,8 @@
 
 namespace usct {
 
-/// The inner loops that all metrics of patches are made of, in one implementation. See
-/// patch_kernel.h and joint_sums.h for what each does.
+/// The inner loops of all metrics of patches, in one implementation. See patch_kernel.h and
+/// joint_sums.h for their definitions.
 class SimilarityBackend {
  public:
   virtual ~SimilarityBackend() = default;

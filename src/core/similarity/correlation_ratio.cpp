@@ -21,7 +21,7 @@ class CorrelationRatio final : public PoseByPose {
  private:
   struct Bin {
     double count = 0.0;
-    double sum = 0.0;  // of the ultrasound minus its mean
+    double sum = 0.0;  // sum of the ultrasound minus its mean
     void add(float weight, float value) {
       count += weight;
       sum += weight * value;

@@ -14,7 +14,7 @@ class GlobalMoments {
   GlobalMoments(std::shared_ptr<const UltrasoundPatches> us, std::shared_ptr<const PackedCt> ct,
                 GradientChannel channel, const SimilarityBackend& backend);
 
-  /// Calls value_of(moments) where there is overlap.
+  /// Calls value_of(moments) if there is overlap.
   template <typename ValueOf>
   SimilarityValue evaluate(const SimilarityPose& pose, const ValueOf& value_of) const {
     double inside = 0.0;
@@ -31,8 +31,8 @@ class GlobalMoments {
   std::shared_ptr<const PackedCt> ct_;
   GradientChannel channel_;
   const SimilarityBackend& backend_;
-  double square_sum_ = 0.0;    // of the ultrasound minus its mean
-  std::vector<double> means_;  // of the strands' patches, minus that of all samples
+  double square_sum_ = 0.0;    // squared deviations of the ultrasound from its mean
+  std::vector<double> means_;  // mean of each strand's patch minus the overall mean
 };
 
 }  // namespace usct

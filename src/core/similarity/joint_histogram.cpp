@@ -9,12 +9,12 @@ namespace {
 constexpr double kLowQuantile = 0.005;
 constexpr double kHighQuantile = 0.995;
 constexpr float kLargestByte = 255.0F;
-/// Bins at either end of the CT's window that only the ends of splines reach.
+/// Bins at either end of the CT's window that only the tails of splines reach.
 constexpr int kMargin = 2;
-/// The ultrasound's bin at padding.
+/// Bin number of padding.
 constexpr std::uint8_t kNoBin = 255;
 
-/// The quantile of values that are all numbers; changes their order.
+/// The quantile of values, none of which is NaN; changes their order.
 float quantile(std::vector<float>& values, double share) {
   const auto nth = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), nth, values.end());
@@ -29,7 +29,7 @@ std::vector<std::uint8_t> ultrasound_bins(const UltrasoundPatches& us, int bins)
     if (!std::isnan(value)) known.push_back(value);
   float low = quantile(known, kLowQuantile);
   float high = quantile(known, kHighQuantile);
-  if (!(high > low)) {  // nearly all of it has one value
+  if (!(high > low)) {  // nearly all samples have one value
     low = *std::min_element(known.begin(), known.end());
     high = *std::max_element(known.begin(), known.end());
   }

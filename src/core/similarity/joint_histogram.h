@@ -14,14 +14,14 @@ struct Entropies {
   double joint = 0.0;
 };
 
-/// The joint histogram of Mattes 2003: a sample lies in one bin of the ultrasound, and in four of
-/// the CT's, as a cubic B-spline about its value says. Two bins at either end of the window are
-/// there for the spline's ends.
+/// The joint histogram of Mattes 2003: a sample lies in one bin of the ultrasound and in four of
+/// the CT's, weighted by a cubic B-spline about its value. Two extra bins at either end of the
+/// window hold the spline's tails.
 class JointHistogram {
  public:
   JointHistogram(SampledImages images, int bins);
 
-  /// Calls value_of(entropies) where there is overlap.
+  /// Calls value_of(entropies) if there is overlap.
   template <typename ValueOf>
   SimilarityValue evaluate(const SimilarityPose& pose, const ValueOf& value_of) const {
     SimilarityValue result;
@@ -36,7 +36,7 @@ class JointHistogram {
 
   SampledImages images_;
   int bins_;
-  std::vector<std::uint8_t> us_bins_;  // per place of UltrasoundPatches::value
+  std::vector<std::uint8_t> us_bins_;  // one per place of UltrasoundPatches::value
 };
 
 }  // namespace usct

@@ -13,8 +13,8 @@
 
 namespace usct {
 
-/// Memory for what is read all over: in pages of 2 MiB, if it is large and the system has them.
-/// Addresses of small pages would be looked up at nearly every access.
+/// Allocator for memory with scattered accesses: large blocks are in pages of 2 MiB if the system
+/// has them. With 4 KiB pages nearly every gather misses the TLB.
 template <typename T>
 struct LargePages {
   using value_type = T;
@@ -32,13 +32,13 @@ struct LargePages {
     void* memory = std::aligned_alloc(alignment, bytes);
     if (memory == nullptr) throw std::bad_alloc();
 #ifdef __linux__
-    if (alignment == kPage) madvise(memory, bytes, MADV_HUGEPAGE);  // a wish: may fail
+    if (alignment == kPage) madvise(memory, bytes, MADV_HUGEPAGE);  // only a hint; may fail
 #endif
     return static_cast<T*>(memory);
   }
   void deallocate(T* memory, std::size_t /*count*/) { std::free(memory); }
 
-  /// Leaves values that are not given as the memory has them: whoever writes all of them can do so
+  /// Values without an initialiser stay uninitialised, so that the caller can write all of them
   /// from many threads.
   template <typename U>
   void construct(U* value) noexcept {

@@ -24,7 +24,7 @@ double structure_in(const UltrasoundPatches::Patch& patch, PatchWeighting weight
   return 0.0;
 }
 
-/// Shallow patches are pressed by the probe, and weigh less: see LocalLc2Options::pressed_mm.
+/// Weight of a patch. The probe compresses shallow patches: see LocalLc2Options::pressed_mm.
 double weight_of(const UltrasoundPatches::Patch& patch, const LocalLc2Options& options) {
   const double structure = structure_in(patch, options.weighting);
   if (options.pressed_mm == 0.0) return structure;
@@ -72,11 +72,11 @@ class LocalLc2 final : public PoseByPose {
   }
 
  private:
-  /// Fills in what each patch contributes, and returns how many samples lie in the CT. The threads
-  /// share the patches where the caller does not share poses between them.
+  /// Fills in the contribution of each patch, and returns how many samples lie in the CT. The
+  /// threads share the patches if the caller does not share poses among them.
   double fill_parts(const SimilarityPose& pose, std::vector<double>& parts) const {
     const PatchKernelInput input = kernel_input(*us_, *ct_, pose, options_.channel);
-    // A smaller share of the work is done before another thread has woken up.
+    // A smaller share of the work would be done before another thread has woken up.
     constexpr std::size_t kAtOnce = kBlocksAtOnce / 2;
     const std::size_t first = us_->first_single_block;
     const std::size_t shares = (us_->blocks.size() - first + kAtOnce - 1) / kAtOnce;
@@ -94,11 +94,11 @@ class LocalLc2 final : public PoseByPose {
     return std::accumulate(inside.begin(), inside.end(), 0.0);
   }
 
-  /// The patches of several strands.
+  /// Fills in the contributions of patches of several strands.
   double fill_long(const PatchKernelInput& input, double* parts) const {
     double inside = 0.0;
     std::size_t p = 0;
-    std::size_t strands = 0;  // of patch p so far
+    std::size_t strands = 0;  // strands of patch p so far
     PatchMoments moments;
     for_blocks(backend_, input, 0, us_->first_single_block,
                [&](std::size_t, const StrandSums& sums) {
@@ -118,7 +118,7 @@ class LocalLc2 final : public PoseByPose {
     return inside;
   }
 
-  /// The patches of one strand in the blocks [first, last).
+  /// Fills in the contributions of single-strand patches in the blocks [first, last).
   double fill_single(const PatchKernelInput& input, std::size_t first, std::size_t last,
                      double* parts) const {
     double inside = 0.0;
@@ -146,8 +146,8 @@ class LocalLc2 final : public PoseByPose {
   LocalLc2Options options_;
   const SimilarityBackend& backend_;
   Lc2Ridge ridge_;
-  std::vector<double> weights_;  // of the patches; their sum is 1
-  // Of the patches of one strand, per lane.
+  std::vector<double> weights_;  // one per patch; their sum is 1
+  // Sums of the single-strand patches, per lane.
   std::vector<double> counts_;
   std::vector<double> square_sums_;
 };

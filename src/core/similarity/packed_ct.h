@@ -9,21 +9,21 @@
 
 namespace usct {
 
-/// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values, each side by
-/// side with its neighbour along j, so that two loads of 32 bits bring the eight voxels around a
-/// cell, value and gradient. More neighbours in a word would take fewer loads, but of memory that
-/// no cache holds.
+/// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values. Each voxel
+/// is stored with its neighbour along j, so that two loads of 32 bits fetch the eight voxels of a
+/// cell, for value and gradient. Words with more neighbours would take fewer loads, but the CT
+/// would no longer fit into any cache.
 class PackedCt {
  public:
-  /// CT values are limited to the window, and rounded to a 255th of it. `background_hu` is what
-  /// lies outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along
-  /// an axis, or if the window is, or the background lies outside it.
+  /// CT values are limited to the window, and rounded to a 255th of it. `background_hu` is the CT
+  /// value outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along
+  /// an axis, or if the window is invalid, or the background lies outside it.
   PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu);
 
-  /// Of the voxels.
+  /// The grid of the voxels.
   const Grid& grid() const { return grid_; }
-  /// Voxel (i, j, k) in the low byte, (i, j + 1, k) in the high one, at i + j * stride_j() + k *
-  /// stride_k(); there is no row for the last j.
+  /// Pairs of voxels: (i, j, k) in the low byte, (i, j + 1, k) in the high one, at i + j *
+  /// stride_j() + k * stride_k(); the last j has no pair.
   const LargeVector<std::uint16_t>& pairs() const { return pairs_; }
   std::size_t stride_j() const { return stride_j_; }
   std::size_t stride_k() const { return stride_k_; }

@@ -19,7 +19,7 @@ class PoseByPose : public Similarity {
       values[i] = value_at(poses[i]);
     };
     if (count == 1) return one(0);
-    // A coarse level takes microseconds for a pose, so that threads take several at a time.
+    // A pose takes microseconds at a coarse level, so each thread takes several at a time.
     constexpr std::size_t kShare = 16;
     parallel_for(static_cast<int>((count + kShare - 1) / kShare), [&](int share) {
       const std::size_t begin = static_cast<std::size_t>(share) * kShare;

@@ -12,7 +12,7 @@ namespace usct {
 /// The ultrasound at each place of UltrasoundPatches::value; NaN at padding.
 std::vector<float> ultrasound_of(const UltrasoundPatches& us);
 
-/// The same minus the mean of all samples.
+/// The values of ultrasound_of minus the mean of all samples.
 struct CentredUltrasound {
   explicit CentredUltrasound(const UltrasoundPatches& us);
   std::vector<float> value;

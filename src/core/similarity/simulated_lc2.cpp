@@ -20,11 +20,11 @@ using simulated_lc2::Scene;
 using simulated_lc2::Sums;
 
 constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
-// As in fit_to_ultrasound.
+// These two thresholds are those of fit_to_ultrasound.
 constexpr double kConstant = 1e-12;
 constexpr double kCollinear = 1e-9;
 
-/// The CT with, beside each voxel, the differences of its neighbours.
+/// The CT, where each voxel is stored with the differences of its neighbours.
 class DifferencedCt {
  public:
   DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
@@ -33,7 +33,7 @@ class DifferencedCt {
     const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
     const CtVolume& seen = window ? limited : ct;
     const auto [least, most] = std::minmax_element(seen.voxels.begin(), seen.voxels.end());
-    // The whole range of 16 bits apart, differences fit as they are.
+    // Differences need a unit of 2 HU only if CT values span more than 15 bits.
     unit_ = int{*most} - int{*least} > INT16_MAX ? 2 : 1;
     for (int k = 0; k < grid_.size.z(); ++k)
       for (int j = 0; j < grid_.size.y(); ++j)
@@ -107,7 +107,7 @@ class BlockedUltrasound {
   std::size_t usable() const { return usable_; }
   double mean() const { return mean_; }
 
-  /// Samples behind the last that counts are left out.
+  /// Leaves out samples behind the last that counts.
   void describe(int block, Block& result) const {
     result.ultrasound = values_.data() + static_cast<std::size_t>(block) * block_size();
     result.samples = samples_used_[static_cast<std::size_t>(block)];
@@ -165,9 +165,8 @@ Scene described(const SimulationOptions& options, bool use_background) {
   return scene;
 }
 
-/// Sum of (U - f)^2 where the sound arrives, f being the best combination of p, r and 1: no better
-/// than that of the varying ones among p and r, and of one of them if they are collinear. Not a
-/// number if neither varies.
+/// Sum of (U - f)^2 over insonified samples, with f the best combination of p, r and 1. Of p and r
+/// a constant one is left out, and one of them if they are collinear. NaN if neither varies.
 double least_residual(const Sums& sums, double p_origin) {
   const auto n = static_cast<double>(sums.insonified);
   const auto is_constant = [&](double deviations, double squares, double mean) {
@@ -183,18 +182,18 @@ double least_residual(const Sums& sums, double p_origin) {
   const double ur = r_varies ? (sums.ur - sums.u * sums.r / n) / std::sqrt(rr) : 0.0;
   const double c =
       p_varies && r_varies ? (sums.pr - sums.p * sums.r / n) / std::sqrt(pp) / std::sqrt(rr) : 0.0;
-  // By the eigenvectors of the correlation matrix of p and r.
+  // Uses the eigenvectors of the correlation matrix of p and r.
   double explained = 0.0;
   if (1.0 + c > kCollinear) explained += 0.5 * (up + ur) * (up + ur) / (1.0 + c);
   if (1.0 - c > kCollinear) explained += 0.5 * (up - ur) * (up - ur) / (1.0 - c);
   return std::max(0.0, uu - explained);
 }
 
-/// The same with given weights.
+/// The residual with given weights.
 double residual(const SimulationWeights& weights, const Sums& sums, double u_mean,
                 double p_origin) {
   const auto n = static_cast<double>(sums.insonified);
-  Eigen::Matrix4d moments;  // of U, p, r and 1, of which sums take differences from an origin
+  Eigen::Matrix4d moments;  // second moments of U, p, r and 1, relative to the origins of the sums
   moments << sums.uu, sums.up, sums.ur, sums.u,  //
       sums.up, sums.pp, sums.pr, sums.p,         //
       sums.ur, sums.pr, sums.rr, sums.r,         //
@@ -241,7 +240,7 @@ class SimulatedLc2 final : public PoseByPose {
     block.transmission_power =
         transmission_length_mm_ ? static_cast<float>(spacing_mm / *transmission_length_mm_) : 0.0F;
     for (int lane = 0; lane < kLinesPerBlock; ++lane) {
-      // Lanes beyond the last line hold nothing that counts.
+      // Lanes beyond the last line hold no samples that count.
       const int line = std::min(ultrasound_.first_line(index) + lane, beams_.lines - 1);
       const Beam& beam = beams_.beam(ultrasound_.frame(index), line);
       const Eigen::Vector3d step = T_index_us.linear() * beam.direction;

@@ -2,12 +2,12 @@
 
 #include <cmath>
 
-// Vectors are members of structs, which scalable ones cannot be; SSSE3 without SSE4 is extinct.
+// Vectors are struct members, which rules out scalable ones; SSSE3 without SSE4 is extinct.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/simulated_lc2_kernel.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h.
+// This must come after foreach_target.h.
 #include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
@@ -24,10 +24,10 @@ constexpr int kSamplesAhead = 4;
 /// Sums of a block, lane by lane, in double precision.
 class Accumulators {
  public:
-  // Not implied: that one would be compiled for another target.
+  // An implicit constructor would be compiled for another target.
   HWY_INLINE Accumulators() {}
 
-  /// Values must be 0 where they do not count.
+  /// Adds values, which must be 0 where they do not count.
   HWY_INLINE void add(V u, V p, V r) {
     add(lower(u), lower(p), lower(r));
     add(upper(u), upper(p), upper(r));
@@ -80,15 +80,15 @@ class Accumulators {
   VD u_occluded_ = hn::Zero(DD()), uu_occluded_ = hn::Zero(DD());
 };
 
-/// What the sound meets at one sample; the gradient of mu is 0 outside the body.
+/// The medium at one sample; the gradient of mu is 0 outside the body.
 struct Medium {
   V mu;
   V gradient_square;  // (HU per mm)^2
   V along_beam;       // HU per mm
-  M total;            // reflects everything by a threshold
+  M total;            // total reflection by a threshold
 };
 
-/// As many beams as a vector has lanes, from `lane` of the block on.
+/// As many beams as a vector has lanes, beginning at `lane` of the block.
 template <bool kNearest>
 class Beams {
  public:
@@ -120,7 +120,7 @@ class Beams {
             hn::MulAdd(step_.z, n, first_.z)};
   }
 
-  /// The CT is larger than the caches, and each beam takes its own way through it.
+  /// Prefetches the CT: it is larger than the caches, and each beam takes its own path through it.
   HWY_INLINE void fetch(int sample) const {
     HWY_ALIGN std::int32_t lower[kLinesPerBlock];
     hn::Store(cell_at(scene_, kept_within(scene_, index_of(sample))).lower, di, lower);
@@ -130,7 +130,7 @@ class Beams {
     }
   }
 
-  /// Of the voxels around.
+  /// Prefetches the voxels of a cell.
   template <typename Voxel>
   HWY_INLINE void fetch_rows(const Voxel* row) const {
     hwy::Prefetch(row);
@@ -186,7 +186,7 @@ class Beams {
     const V hu = as_it_is ? hu_at(scene_, cell) : voxels.hu;
     const V gas = hn::Set(d, scene_.gas_hu);
     if (HWY_UNLIKELY(any_waiting)) {
-      // Less than a rounding error below is for free_of_gas to decide.
+      // Samples less than a rounding error below the threshold are decided by free_of_gas.
       const M perhaps = hn::And(waiting, hn::Gt(hu, hn::Sub(gas, hn::Set(d, 1.0F))));
       if (!hn::AllFalse(d, perhaps))
         in_body_ = hn::Or(in_body_, hn::And(perhaps, free_of_gas(scene_, cell.index)));
@@ -213,12 +213,12 @@ class Beams {
     return medium;
   }
 
-  /// l / 2 mu.
+  /// The factor l / (2 mu).
   HWY_INLINE V scale(const Medium& medium) const {
     return hn::Div(hn::Set(d, scene_.half_length_mm), medium.mu);
   }
 
-  /// Eqs 4.4 and 4.6. What is lost, 1 - I, has a precision that I near 1 has not.
+  /// Eqs 4.4 and 4.6. The loss 1 - I keeps the precision that I near 1 would lose.
   HWY_INLINE void transmit(const Medium& medium) {
     const V over_mu = scale(medium);
     const V one = hn::Set(d, 1.0F);
@@ -233,7 +233,7 @@ class Beams {
     lost_ = hn::Min(one, hn::MulAdd(loss, hn::Sub(one, lost_), lost_));
   }
 
-  /// Eqs 4.3, 4.5 and 4.7. Where all is reflected, delta r matters to no one.
+  /// Eqs 4.3, 4.5 and 4.7. Where everything is reflected, delta r has no effect.
   HWY_INLINE V reflected(const Medium& medium, V lost_before) const {
     const V one = hn::Set(d, 1.0F);
     const V over_mu = scale(medium);

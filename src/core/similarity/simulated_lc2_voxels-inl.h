@@ -1,6 +1,5 @@
-// What the kernel of simulated_lc2 sees of the CT at a vector of points. For each instruction set
-// it is compiled anew: included by the kernel after hwy/foreach_target.h, hence the guard that
-// toggles.
+// Sampling of the CT at a vector of points for the kernel of simulated_lc2. The kernel includes
+// this file after hwy/foreach_target.h, once per instruction set; hence the guard that toggles.
 
 #if defined(USCT_SIMULATED_LC2_VOXELS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef USCT_SIMULATED_LC2_VOXELS_INL_H_
@@ -43,11 +42,11 @@ struct Index {
   V x, y, z;
 };
 
-/// Where a continuous index lies among the voxels.
+/// The cell of voxels around a continuous index.
 struct Cell {
   Index index;  // within the CT
   VI lower;     // offset of the voxel at or below
-  Index w;      // weights of the ones above
+  Index w;      // weights of the voxels above
 };
 
 HWY_INLINE M within(const Scene& scene, int axis, V index) {
@@ -74,13 +73,13 @@ HWY_INLINE Index kept_within(const Scene& scene, const Index& index) {
           kept_within(scene, 2, index.z)};
 }
 
-/// With trilinear sampling the voxel above is in the CT as well, with a weight of 1 at its end.
+/// With trilinear sampling the voxel above is in the CT as well; at the CT's end its weight is 1.
 HWY_INLINE VI lower_voxel(const Scene& scene, int axis, V index) {
   const int above = scene.nearest || scene.size[axis] == 1 ? 0 : 1;
   return hn::Min(hn::ConvertTo(di, index), hn::Set(di, scene.size[axis] - 1 - above));
 }
 
-/// Of an index within the CT.
+/// The cell of an index within the CT.
 HWY_INLINE Cell cell_at(const Scene& scene, const Index& index) {
   const VI i = lower_voxel(scene, 0, index.x);
   const VI j = lower_voxel(scene, 1, index.y);
@@ -165,7 +164,7 @@ HWY_INLINE Pairs trilinear(const Scene& scene, hn::Vec<DI64> offsets, const Inde
 
 template <bool kNearest>
 HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
-  // Lanes 0 1, 4 5, ... and 2 3, 6 7, ...: what interleaving within 128 bits gives.
+  // Lanes 0 1, 4 5, ... and 2 3, 6 7, ...: the order of interleaving within 128 bits.
   const auto low = hn::BitCast(DI64(), hn::InterleaveLower(di, cell.lower, hn::Zero(di)));
   const auto high = hn::BitCast(DI64(), hn::InterleaveUpper(di, cell.lower, hn::Zero(di)));
   const auto pairs = [&](hn::Vec<DI64> offsets, const Index& w) HWY_ATTR {
@@ -187,7 +186,7 @@ HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
 
 #endif
 
-/// The CT as it is.
+/// The recorded CT value, without the window.
 HWY_INLINE V hu_at(const Scene& scene, const Cell& cell) {
   const Strides step(scene);
   const VI bytes = hn::ShiftLeft<1>(cell.lower);
@@ -218,7 +217,7 @@ HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index) {
   return hn::Ge(lowest, hn::Set(d, scene.gas_hu));
 }
 
-/// Change of mu per voxel: differences over the voxels that they span, 2 but for the border.
+/// Change of mu per voxel: a difference over its span, which is 2 voxels except at the border.
 HWY_INLINE V per_voxel(const Scene& scene, int axis, V index, V difference) {
   const V apart = hn::Sub(ahead(scene, axis, index), behind(index));
   const V unit = hn::Set(d, scene.difference_unit);

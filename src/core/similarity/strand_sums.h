@@ -7,10 +7,10 @@
 #include "similarity/packed_ct.h"
 #include "us_ct_registration/similarity/lc2_options.h"
 
-/// From the sums over strands to sums over patches, or over all samples.
+/// Conversion of sums over strands to sums over patches, or over all samples.
 namespace usct {
 
-/// How many blocks are summed before their sums are used: as many as the first-level cache holds.
+/// Number of blocks that are summed before their sums are used; these fit the first-level cache.
 constexpr std::size_t kBlocksAtOnce = 32;
 
 /// Calls use(block, sums) for the blocks [first, last), in order.
@@ -25,7 +25,7 @@ void for_blocks(const SimilarityBackend& backend, const PatchKernelInput& input,
   }
 }
 
-/// Adds the sums of a strand, but those of the ultrasound; `mean` is added to it.
+/// Adds the sums of a strand except those of the ultrasound alone; `mean` is added to its values u.
 inline void add_strand(const StrandSums& sums, std::size_t lane, double mean,
                        PatchMoments& moments) {
   const double m = sums.m[lane];

@@ -58,7 +58,7 @@ class Stencil {
 struct Medium {
   double ct_hu;
   double mu;
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // of mu, HU per mm, CT frame
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // gradient of mu, HU per mm, CT frame
   std::uint8_t flags = 0;
 };
 

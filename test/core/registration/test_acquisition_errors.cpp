@@ -3,9 +3,8 @@
 #include "registration_cases.h"
 #include "us_ct_registration/registration/registration.h"
 
-/// Errors of the acquisition that the refinement estimates on request. A phantom shows some error
-/// even if it has none (its pulse is long); it is in both of two estimates, whose difference
-/// counts.
+/// Errors of the acquisition that the refinement estimates on request. The estimate of a phantom is
+/// biased by its long pulse; two estimates share this bias, so their difference is tested.
 namespace usct::test {
 namespace {
 

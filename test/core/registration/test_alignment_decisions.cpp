@@ -30,7 +30,7 @@ OfferedResult registered(std::uint32_t id) {
   return result;
 }
 
-/// What is broadcast; fails where nothing is.
+/// The alignment that is broadcast; fails if there is none.
 Alignment broadcast(const AlignmentDecisions& decisions) {
   const AlignmentState state = decisions.state();
   EXPECT_TRUE(state.broadcast) << state.message;

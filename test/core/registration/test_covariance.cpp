@@ -42,7 +42,7 @@ registration::ImagePyramid prepared(const RegistrationCase& images, const Isomet
   return *pyramid;
 }
 
-/// At a given pose, whatever the search would find.
+/// The accuracy at a given pose, without a search.
 PoseAccuracy at_pose(const RegistrationCase& images, const Isometry3d& T_us_ct,
                      const RegistrationOptions& options = quick_options()) {
   const registration::ImagePyramid pyramid = prepared(images, T_us_ct, options);
@@ -71,8 +71,8 @@ TEST(Covariance, WidensAsTheOptionsSay) {
   EXPECT_NEAR(expected_mm(1.0, 3.0), std::hypot(scatter_mm, 3.0), 1e-6);
 }
 
-/// What a motion of the US frame makes of small motions (w, t): with p' = R p + g,
-/// p' + R (w x p + t) = p' + (R w) x p' + R t + g x (R w).
+/// Effect of a motion of the US frame on small motions (w, t): with p' = R p + g, p' + R (w x p +
+/// t) = p' + (R w) x p' + R t + g x (R w).
 Matrix6d adjoint(const Isometry3d& motion) {
   const Vector3d g = motion.translation();
   Matrix3d cross;
@@ -91,17 +91,17 @@ std::pair<double, double> deviation_ratios(const Matrix6d& a, const Matrix6d& b)
   return {std::sqrt(eigen.eigenvalues().minCoeff()), std::sqrt(eigen.eigenvalues().maxCoeff())};
 }
 
-/// Of the patches alone: what is added for what no image shows is the same in all directions.
+/// Covariance of the patches alone: the systematic error is the same in all directions.
 TEST(Covariance, FollowsTheUltrasoundFrame) {
   RegistrationOptions options = quick_options();
   options.confidence.systematic_mm = 0.0;
   struct {
     Isometry3d motion;
-    double factor;  // in any direction
+    double factor;  // bound of the ratio in any direction
     double scatter_factor;
   } const examples[] = {
       {rigid(Vector3d::Zero(), {150, -60, 90}), 1.01, 1.01},
-      // The similarity, which is no quadratic, is then looked at in other directions.
+      // The similarity is no quadratic, and these motions sample it in other directions.
       {rigid({0.7, -0.4, 1.2}, {150, -60, 90}), 1.7, 1.25},
       {rigid({-1.9, 0.3, 0.5}, {-20, 40, 310}), 1.7, 1.25},
   };

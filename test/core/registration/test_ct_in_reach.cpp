@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 using registration::ct_in_reach;
 
-/// A grid (no voxels: none are looked at) around the ultrasound, far larger than its reach.
+/// A grid around the ultrasound, far larger than its reach; it has no voxels, since none are read.
 CtVolume vast_ct(const RegistrationCase& images, int voxels) {
   CtVolume ct;
   ct.grid = images.ct.grid;

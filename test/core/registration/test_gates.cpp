@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// Measures at the limits themselves.
+/// Measures exactly at the limits.
 Measures passing(const GateLimits& limits) {
   Measures measures;
   measures.overlap = limits.min_overlap;
@@ -108,7 +108,7 @@ TEST(Gates, ARegistrationWithoutScatterIsRefusedUnlessTheGateIsOff) {
   EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
 }
 
-/// Registers with one gate that nothing passes.
+/// Registers with one gate that no pose passes.
 void expect_gate(const std::string& option, const std::string& impossible,
                  const std::string& measure, const std::string& limit) {
   const RegistrationResult result =
@@ -139,7 +139,7 @@ TEST(Gates, Overlap) {
   EXPECT_FALSE(result.candidates.empty());
 }
 
-/// Finds many optima.
+/// Registers with levels that keep many optima.
 RegistrationResult with_rivals(const std::string& gates) {
   RegistrationOptions options = quick_options("confidence: {gates: {" + gates + "}}\n");
   options.search.levels[0].optimised = 12;
@@ -148,7 +148,7 @@ RegistrationResult with_rivals(const std::string& gates) {
   return registered(agar_case(), nearby(agar_case()), options);
 }
 
-/// No other optimum may come near the value of the best one.
+/// Registers with a margin that fails if any other optimum is above the background.
 RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
   return with_rivals("min_margin: 1, max_scatter_mm: " + max_scatter_mm);
 }
@@ -171,7 +171,7 @@ TEST(Gates, WhatScattersTooMuchIsNoRival) {
 
 /// The best optimum is the truth, which lies beyond the limit.
 TEST(Gates, WhatIsTooFarAndScattersGivesWayToTheNextBest) {
-  const RegistrationResult all = with_rivals("max_scatter_mm: 0.01");  // nothing holds together
+  const RegistrationResult all = with_rivals("max_scatter_mm: 0.01");  // no optimum passes
   ASSERT_GE(all.candidates.size(), 2U);
   ASSERT_LT(agar_case().error_mm(all.candidates.front().T_us_ct), 1.0);
   const RegistrationResult other = with_rivals("max_scatter_mm: 0.01, max_displacement_mm: 6");

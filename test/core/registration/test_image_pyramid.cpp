@@ -21,7 +21,7 @@ TEST(ImagePyramid, SimilaritiesThatShareImagesAreThoseOfTheirOwnOptions) {
   const auto packed = pack_ct(ct, options.window, options.outside_hu);
 
   const auto& own = std::get<JointCorrelationRatioOptions>(level.similarity);
-  LocalLc2Options other_metric;  // in the same patches
+  LocalLc2Options other_metric;  // another metric in the same patches
   other_metric.patches = own.patches;
   JointCorrelationRatioOptions other_patches = own;
   other_patches.patches.depth_mm += 8.0;
@@ -44,7 +44,7 @@ TEST(ImagePyramid, ARefinementOnTheDecidingSpacingFindsWhatItWouldFindOnImagesOf
     return result.T_us_ct.value_or(Eigen::Isometry3d::Identity());
   };
   for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
-    // The same voxels are averaged for both, but over other regions.
+    // The same voxels are averaged for both cases, but over different regions.
     const double apart_mm =
         evaluate_targets(found(*images, "2"), found(*images, "2.0001"), images->targets_us_mm)
             .mean_mm;

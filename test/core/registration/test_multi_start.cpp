@@ -102,7 +102,7 @@ TEST(MultiStart, ClimbsFromTheInitialPoseAtEveryLevel) {
   // A peak so narrow that no start but the initial pose is on its slope.
   const Isometry3d here = Isometry3d(Eigen::Translation3d(1.0, 0.0, 0.5));
   SearchOptions options = two_levels();
-  options.levels[0].optimised = options.levels[0].kept = 1;  // taken by the wide peak
+  options.levels[0].optimised = options.levels[0].kept = 1;  // the wide peak takes the only place
   Searched searched({{here, 1.0, 1.0}, {kLow, 0.9, 25.0}}, options);
   const std::vector<Candidate> optima = searched.round(0);
   ASSERT_FALSE(optima.empty());
@@ -114,7 +114,7 @@ TEST(MultiStart, LaterRoundsTakeMoreStartsAndKeepWhatWasFound) {
   const std::vector<Candidate> first = searched.round(0);
   const int in_first = searched.evaluations();
   std::vector<Candidate> before = first;
-  before.front().value = 5.0;  // as if it had been better
+  before.front().value = 5.0;  // higher than the similarity of any pose
   const std::vector<Candidate> second = searched.round(1, before);
   EXPECT_EQ(second.front().value, 5.0);
   EXPECT_GT(searched.evaluations() - in_first, in_first);

@@ -70,7 +70,7 @@ TEST(Refusals, Noise) {
   }
 }
 
-/// The image of each beam comes from another beam, or upside down.
+/// Takes the image of each beam from another beam, or upside down.
 template <typename SampleOf>
 RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sample_of) {
   RegistrationCase result = images;
@@ -87,7 +87,8 @@ RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sampl
   return result;
 }
 
-/// Kidneys are nearly symmetric, and so is a block of agar: of all wrong images the most alike.
+/// Kidneys are nearly symmetric, as is a block of agar: a mirror image is the most similar wrong
+/// one.
 TEST(Refusals, MirroredUltrasound) {
   for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
     const int lines = images->us.beams.lines, frames = images->us.beams.frames;

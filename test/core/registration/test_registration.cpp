@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 using phantom::SceneKind;
 using phantom::SweepKind;
 
-/// Samples are 2 mm apart, lines and frames more: a third of that is a good result.
+/// Samples are 2 mm apart, lines and frames more; an error of about a third of that is good.
 constexpr double kGoodMm = 1.0;
 
 /// Registers from both sides of the truth, in as many rounds as it takes.
@@ -56,9 +56,9 @@ TEST(Registration, RecoversParallelBeamsOfSweep) {
   expect_recovered(case_of(agar_phantom(), agar_phantom().ultrasound, how));
 }
 
-/// The scene's probe presses: the wall moves, the kidney hardly.
+/// The probe of this scene presses: the wall moves, the kidney hardly does.
 TEST(Registration, FollowsTheKidneyAndNotThePressedWall) {
-  phantom::PhantomOptions options;  // of full size: coarse images show little of the wall's layers
+  phantom::PhantomOptions options;  // full size: coarse images hardly show the wall
   options.scene = SceneKind::kPatient;
   options.seed = 105;
   options.ct.size = {220, 180, 90};
@@ -94,8 +94,8 @@ TEST(Registration, FrameOfCtDoesNotMatter) {
   EXPECT_NEAR(b.similarity, a.similarity, 1e-3 * a.similarity);
 }
 
-/// The optimizers' steps turn with the frame of the ultrasound, so they end apart by what they take
-/// for nothing.
+/// The optimizers' steps turn with the frame of the ultrasound, so the results differ within the
+/// optimizers' tolerances.
 TEST(Registration, FrameOfUltrasoundDoesNotMatter) {
   const RegistrationCase other = moved(patient_case(), kUsMotion, Isometry3d::Identity());
   const RegistrationResult a = registered(patient_case(), nearby(patient_case()));
@@ -234,7 +234,7 @@ TEST(Registration, WhatHooksThrowReachesTheCaller) {
                std::runtime_error);
 }
 
-/// The echoes of an agar case lie at (1 + error) times the depth that is then recorded.
+/// Registers an agar case whose echoes lie at (1 + error) times the depth that is recorded.
 RegistrationResult with_wrong_depth(double error, const std::string& changes) {
   RegistrationCase images = agar_case();
   images.us.beams.axial.spacing_mm /= 1.0 + error;
@@ -256,7 +256,7 @@ TEST(Registration, ThesisVariantBRuns) {
   ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
   EXPECT_TRUE(result.T_us_ct->matrix().allFinite());
   EXPECT_GE(result.evaluations, 60);
-  // One function of all samples: it says nothing of how its parts scatter.
+  // A similarity of one function for all samples has no parts, and so no scatter.
   EXPECT_FALSE(result.covariance);
 }
 

@@ -59,7 +59,7 @@ std::vector<std::string> all_names() {
   return names;
 }
 
-/// Ultrasound that the CT explains in part, cubes of 3 mm.
+/// Ultrasound that the CT explains in part, in patches of 3 mm.
 Case make_case(const std::string& metric = "local_lc2") {
   Case c;
   c.us = noisy_ultrasound(downward_beams(25, 14, 9));
@@ -84,7 +84,7 @@ Case random_case() {
   if (maybe())
     for (std::size_t i = 0; i < c.us.brightness.size(); ++i) c.us.known.push_back(hashed(i) > 9e3);
   c.options.channel = maybe() ? GradientChannel::kMagnitude : GradientChannel::kAlongBeam;
-  c.options.patches = cubes(integer(2, 8));  // up to several strands per patch
+  c.options.patches = cubes(integer(2, 8));  // patches have up to several strands
   c.options.ridge_intensity_hu = maybe() ? 0.0 : uniform(1.0, 60.0);
   c.options.ridge_gradient_hu_per_mm = maybe() ? 0.0 : uniform(1.0, 60.0);
   c.options.positive_gradient = maybe();
@@ -114,7 +114,7 @@ double variance_u(const std::vector<Seen>& samples) {
   return sum / static_cast<double>(samples.size());
 }
 
-/// Dense least squares of u on m, g and 1, the ridge as rows of its own.
+/// Dense least squares of u on m, g and 1, with rows of its own for the ridge.
 double explained_by_least_squares(const std::vector<Seen>& samples, const Settings& o) {
   const auto n = static_cast<Eigen::Index>(samples.size());
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + 2, 3);
@@ -170,7 +170,7 @@ RC_GTEST_PROP(PatchSimilarity, LocalLc2IsDenseLeastSquaresPerPatch, ()) {
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.0);
   const SimilarityValue value = c.value();
-  // Without ridge, patches of which only a corner lies in the CT decide by rounding.
+  // Without a ridge, rounding decides about patches of which only a corner lies in the CT.
   const bool free =
       c.options.ridge_intensity_hu == 0.0 || c.options.ridge_gradient_hu_per_mm == 0.0;
   RC_ASSERT(std::abs(value.value - local_lc2_by_least_squares(c)) <
@@ -257,7 +257,7 @@ RC_GTEST_PROP(PatchSimilarity, MutualInformationIsThatOfTheHistogramByDefinition
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.05);
   const Eigen::MatrixXd p = joint_probabilities(samples, c.options.bins);
-  double information = 0.0;  // Kullback-Leibler
+  double information = 0.0;  // Kullback-Leibler divergence
   for (Eigen::Index u = 0; u < p.rows(); ++u)
     for (Eigen::Index m = 0; m < p.cols(); ++m)
       if (p(u, m) > 0.0)
@@ -344,7 +344,7 @@ TEST(PatchSimilarity, CorrelationRatioIsOneWhereTheCtSaysAll) {
 TEST(PatchSimilarity, CorrelationRatioIsTheVarianceOfConditionalMeans) {
   Case c = case_on_voxels("correlation_ratio");
   c.options.bins = 16;
-  fill_on_voxels(c, [](std::size_t i) {  // mean +-10 by the CT, +-20 beside it
+  fill_on_voxels(c, [](std::size_t i) {  // +-10 explained by the CT, +-20 not explained
     return std::pair((i % 2 == 0 ? 10.0 : -10.0) + (i / 2 % 2 == 0 ? 20.0 : -20.0),
                      i % 2 == 0 ? 20.0 : 190.0);
   });

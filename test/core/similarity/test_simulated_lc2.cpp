@@ -68,7 +68,7 @@ BeamGrid fan(int samples, int lines, int frames) {
   return beam_grid(geometry);
 }
 
-/// Around the middle of the fan, oblique and anisotropic.
+/// A grid around the middle of the fan, oblique and anisotropic.
 Grid grid_in_view(const Eigen::Vector3i& size) {
   Grid grid;
   grid.size = size;
@@ -139,12 +139,12 @@ double error_of(const Case& c) {
 
 RC_GTEST_PROP(SimulatedLc2, IsTheReferenceForAnyOptionsAndPose, ()) {
   const Case c = random_case();
-  // A sample that lies on a threshold or half-way between voxels may be rounded the other way.
+  // A sample on a threshold or half-way between voxels may be rounded to either side.
   const auto samples = static_cast<double>(c.ultrasound.brightness.size());
   RC_ASSERT(error_of(c) < 1e-5 + 2.0 / samples);
 }
 
-/// All of it in the CT but for a corner, with air, bone and gas.
+/// A case with air, bone and gas whose ultrasound lies in the CT except for a corner.
 Case make_fixed_case() {
   Case c;
   c.ultrasound.beams = fan(120, 37, 9);
@@ -232,7 +232,7 @@ TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
     for (std::int16_t& hu : c.ct.voxels) hu = std::max<std::int16_t>(hu, 0);
     EXPECT_LT(error_of(c), kTolerance) << size.transpose();
   }
-  Case c = fixed_case();  // differences of neighbours that 16 bits do not hold
+  Case c = fixed_case();  // differences that exceed 16 bits
   for (std::size_t i = 0; i < c.ct.voxels.size(); ++i)
     c.ct.voxels[i] = static_cast<std::int16_t>((i * 40503) % 65536 - 32768);
   c.simulation.gradient_length_mm = 1e-3;

@@ -26,7 +26,7 @@ bool is_filled_up(const UltrasoundPatches& us, std::size_t place) {
   return us.x_mm[place] == UltrasoundPatches::kNowhere;
 }
 
-/// Sample, line and frame at each position.
+/// The sample, line and frame at each position.
 std::map<Position, Eigen::Vector3i> places_of(const BeamGrid& beams) {
   std::map<Position, Eigen::Vector3i> places;
   for (int f = 0; f < beams.frames; ++f)
@@ -165,7 +165,7 @@ TEST(UltrasoundPatches, OfInfiniteSizeAreOne) {
 }
 
 TEST(UltrasoundPatches, EdgesAreMillimetresInTheMiddleOfTheDepths) {
-  // 0.5 mm along, 1 mm across lines, 2 mm across frames.
+  // Samples are 0.5 mm apart along a line, lines 1 mm and frames 2 mm.
   BeamGrid beams = downward_beams(24, 12, 6);
   beams.axial.spacing_mm = 0.5;
   for (Beam& beam : beams.beams) beam.origin_mm.z() *= 2.0;
@@ -196,7 +196,7 @@ TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
   EXPECT_TRUE(cut_into_patches(us, cubes(4.0)).patches.empty());
 }
 
-/// Samples, lines and frames of all that counts.
+/// Sample, line and frame of every sample that counts.
 std::set<std::array<int, 3>> counting(const BeamUltrasound& us, const PatchOptions& options) {
   const UltrasoundPatches patches = cut_into_patches(us, options);
   const auto places = places_of(us.beams);
@@ -237,7 +237,7 @@ TEST(UltrasoundPatches, LeastShareIsOfTheSamplesThatCount) {
   EXPECT_EQ(counting(us, options).size(), 96U);
 }
 
-/// Both probes swing; the tables are even.
+/// A sweep by a swinging array with evenly spaced tables of angles.
 ScanGeometry swinging(double scale, double depth_scale) {
   ScanGeometry geometry;
   geometry.axial = {30, 5.0 * depth_scale, 3.0 * depth_scale};

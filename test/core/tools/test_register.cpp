@@ -54,7 +54,7 @@ class Register : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments);
   }
-  /// Without initial pose and options.
+  /// Runs `usct register` without initial pose and options.
   Outcome run(const std::vector<std::string>& more) const {
     std::vector<std::string> arguments{
         "register",           "--ct",     case_file("ct.nrrd"), "--us",
@@ -167,7 +167,7 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
   expect_refused({"--landmarks", path("ct.csv"), path("us.csv")}, "--landmarks");
 }
 
-/// With nothing left to search, what is found is the initial pose itself.
+/// With nothing left to search, the found pose is the initial pose itself.
 TEST_F(Register, WithoutAnInitialPoseTheMiddlesMeetInTheGivenDirection) {
   RegistrationOptions only_start = preset("fast");
   LevelOptions level = only_start.search.levels.back();
@@ -238,7 +238,7 @@ TEST_F(Register, ARefusalEndsWithStatusThreeAndLeavesAnExistingTransform) {
 }
 
 TEST_F(Register, VariantARegistersScanConvertedUltrasound) {
-  // So small a phantom need not pass the gates; where it is found counts here.
+  // So small a phantom need not pass the gates; this test is about the pose that is found.
   registered({"--parallel-beams", "1.2"});
   const RegistrationResult result = read_result(path("result.json"));
   ASSERT_FALSE(result.candidates.empty()) << result.message;

@@ -10,7 +10,7 @@
 #include "io/options/registration_options_fields.h"
 #include "io/yaml_keys.h"
 
-/// Reads what registration_options_fields.h describes from YAML.
+/// Reads the fields that registration_options_fields.h describes from YAML.
 namespace usct::io {
 
 template <typename T, typename = void>
@@ -19,7 +19,7 @@ template <typename T>
 struct Validates<T, std::void_t<decltype(std::declval<const T&>().validate(std::string()))>>
     : std::true_type {};
 
-/// Runs `action`, which names the fields of what is at `path`; errors name their whole path.
+/// Runs `action`, which names the fields of the node at `path`; errors then name their whole path.
 template <typename Action>
 void with_path(const std::string& source, const std::string& path, const Action& action) {
   try {
@@ -33,8 +33,8 @@ void with_path(const std::string& source, const std::string& path, const Action&
   }
 }
 
-/// A value in a file: where it stands, and whether all its keys must be there (or only those that
-/// change what is known already).
+/// A value in a file: its position, and whether all its keys must be there (or only those that
+/// change a known value).
 struct Place {
   const YAML::Node& node;
   const std::string& source;
@@ -86,7 +86,7 @@ void read_word(const Place& place, Enum& value) {
   const std::string text = place.text();
   try {
     parse_word(text, place.source, value);
-  } catch (const InputError& error) {  // "<whatever it calls itself> is 'x', must be one of ..."
+  } catch (const InputError& error) {  // "<own name> is 'x', must be one of ..."
     const std::string& violation = error.violation();
     const std::size_t begin = std::min(violation.find("is '"), violation.size());
     throw InputError(place.source, "'" + place.path + "' " + violation.substr(begin));
@@ -147,7 +147,7 @@ void read(const Place& place, T& value) {
   }
 }
 
-/// The keys of another metric are of no help: where the kind changes, all keys must be there.
+/// Keys of another metric do not carry over: if the kind changes, all keys must be there.
 inline void read(const Place& place, SimilarityOptions& value) {
   YamlKeys keys(place.node, place.source, place.path);
   bool whole = place.whole;
@@ -180,7 +180,7 @@ void read(const Place& place, std::optional<T>& value) {
   read({place.node, place.source, place.path, whole}, *value);
 }
 
-/// Changes entries of a list, by their numbers.
+/// Changes entries of a list by their indices.
 template <typename T>
 void change(const Place& place, std::vector<T>& values) {
   YamlKeys entries(place.node, place.source, place.path);

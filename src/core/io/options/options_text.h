@@ -5,7 +5,7 @@
 
 #include "text.h"
 
-/// How files of options write what has no number.
+/// Words and paths of keys in files of options.
 namespace usct::io {
 
 inline constexpr const char* kUnset = "none";

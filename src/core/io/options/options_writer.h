@@ -6,7 +6,7 @@
 #include "io/options/options_text.h"
 #include "io/options/registration_options_fields.h"
 
-/// Writes what registration_options_fields.h describes as YAML, and lists it.
+/// Writes the fields that registration_options_fields.h describes as YAML, and lists them.
 namespace usct::io {
 
 inline std::string text_of(double value) {

@@ -10,7 +10,7 @@
 
 namespace usct {
 
-/// How the enumerations of the lower layers are written.
+/// Words for the enumerations of the lower layers.
 constexpr auto words_of(Normalisation) {
   return std::array<std::pair<Normalisation, const char*>, 3>{
       {{Normalisation::kNone, "none"},
@@ -28,13 +28,12 @@ constexpr auto words_of(LogCompression) {
 
 }  // namespace usct
 
-/// What the options of a registration are called in files: the one description of their fields,
-/// which reading, writing and listing all go by. A new field is one line here (or beside its
-/// struct, as for the metrics and the gates), with its unit in the key; a new enumeration is a
-/// table of words.
+/// The one description of the option fields in files, which reading, writing and listing all use. A
+/// new field is one line here (or beside its struct, as for the metrics and the gates), with its
+/// unit in the key; a new enumeration is a table of words.
 ///
-/// `fields(key, value)` is called for each; `fields.degrees(key, value_rad, most_deg)` for angles,
-/// which files have in degrees.
+/// `fields(key, value)` is called for each field; `fields.degrees(key, value_rad, most_deg)` for
+/// each angle, which files give in degrees.
 namespace usct::io {
 
 template <typename Enum>
@@ -45,7 +44,7 @@ std::string word_of(Enum value) {
 }
 inline std::string word_of(OptimizerMethod method) { return method_name(method); }
 
-/// Throws InputError, naming `source`, for a word that is none of them.
+/// Throws InputError, naming `source`, for a word that is not in the table.
 template <typename Enum>
 void parse_word(const std::string& word, const std::string& source, Enum& value) {
   std::string all;
@@ -151,7 +150,7 @@ void describe(Fields& fields, StartOptions& o) {
   fields("translation_mm", o.translation_mm);
 }
 
-/// Without the seed: a registration passes its own on.
+/// The seed is left out: a registration passes its own on.
 template <typename Fields>
 void describe(Fields& fields, OptimizerOptions& o) {
   fields("method", o.method);

@@ -31,7 +31,7 @@ RegistrationOptions parse_registration_options(const std::string& yaml, const st
 }
 
 std::string registration_options_yaml(const RegistrationOptions& options) {
-  RegistrationOptions copy = options;  // descriptions serve reading too
+  RegistrationOptions copy = options;  // reading shares the description, so it takes non-const
   std::string text;
   io::Writer fields(text, 0);
   io::describe(fields, copy);
