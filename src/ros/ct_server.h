@@ -41,8 +41,8 @@ class CtServer {
   Loaded read(const std::string& path, const std::string& labels) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
-  /// The revision is the time in seconds since 1970, so that it rises over restarts without being
-  /// kept anywhere.
+  /// The revision is the time in seconds since 1970, so that it rises across restarts without being
+  /// stored.
   std::uint32_t next_revision();
   void hold(const Loaded& loaded);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);

@@ -57,8 +57,8 @@ struct ConditioningOptions {
   double smoothing_mm = 1.0;
   /// Standard deviation of the Gaussian window for the local mean and standard deviation, mm.
   double window_mm = 8.0;
-  /// Its square is added to the local variance, in units of the variance of all samples that count.
-  /// It keeps noise in empty regions from being amplified.
+  /// The square of this is added to the local variance, in units of the variance of all samples
+  /// that count, so that noise in empty regions is not amplified.
   double least_deviation = 0.1;
   DepthOptions depth;
   /// Samples with at least this grey value are saturated and do not count, > 0; unset: none are.

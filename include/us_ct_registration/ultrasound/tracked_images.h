@@ -48,8 +48,8 @@ struct ImagePlacement {
   /// Column and row of the origin of frame coordinates: the centre of curvature of the array, or
   /// the middle of the array if it is linear. May lie outside the image.
   Eigen::Vector2d origin_px = Eigen::Vector2d::Zero();
-  /// Size of a pixel along columns (x, lateral) and rows (y, axial); negative where the image runs
-  /// the other way.
+  /// Size of a pixel along columns (x, lateral) and rows (y, axial); negative if the image's axis
+  /// runs against that of the frame.
   Eigen::Vector2d spacing_mm = Eigen::Vector2d::Ones();
 };
 
