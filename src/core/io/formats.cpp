@@ -30,8 +30,8 @@ UltrasoundInput read_cartesian(const Source& source) {
 
 UltrasoundInput read_prescan(const Source& source) { return {read_prescan_nrrd(source.path), {}}; }
 
-/// The rows in order of precedence. The content of a file speaks before its name where it can: a
-/// pre-scan NRRD and an IGSIO sequence have the endings of volumes.
+/// The rows in order of precedence. Formats that are recognised by content come before those that
+/// share their endings: a pre-scan NRRD and an IGSIO sequence have the endings of volumes.
 std::vector<FileFormat> make_table() {
   return {
       {"DICOM series", FileContent::kCtSeries, {}, is_dicom, describe_dicom, {}},
