@@ -16,7 +16,7 @@ struct ItkImage {
   std::vector<short> voxels;
 };
 
-/// Read and write files of 16-bit voxels. Throw what ITK throws.
+/// Read and write files of 16-bit voxels. Throw ITK's exceptions.
 ItkImage read_by_itk(const std::filesystem::path& path);
 void write_by_itk(const ItkImage& image, const std::filesystem::path& path, bool compressed);
 
