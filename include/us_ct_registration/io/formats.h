@@ -11,7 +11,7 @@
 /// docs/file_formats.md describes the files themselves. A new format is a new row.
 namespace usct {
 
-/// What a file contains. A command treats all formats of one content alike.
+/// Kinds of content of a file. A command treats all formats of one content alike.
 enum class FileContent { kCtSeries, kVolume, kUltrasound, kTransform, kResult, kPoints, kProbe };
 
 /// Functions that read, and possibly write, files of a format as ultrasound.

@@ -68,8 +68,8 @@ class TissueTable {
   /// In vivo values for a contrasted CT (late arterial phase), after textbook tables (Duck 1990;
   /// Szabo 2014) and rounded; echogenicities as a sonographer would rank them.
   static TissueTable patient();
-  /// The same values, except for the kidney of thesis 3.1: flushed, diluted contrast agent in the
-  /// parenchyma, concentrated contrast agent in gelatine in the arteries.
+  /// The values of `patient`, except for the kidney of thesis 3.1: flushed, diluted contrast agent
+  /// in the parenchyma, concentrated contrast agent in gelatine in the arteries.
   static TissueTable ex_vivo();
 
   const TissueProperties& operator[](Tissue tissue) const {

@@ -111,7 +111,7 @@ struct ConditionedUltrasound {
 /// frames on the middle line. Only samples that count enter.
 ///
 /// Throws InputError if the ultrasound or an option is invalid, or the depth range holds no sample.
-/// If no sample counts, that is not an error, and `reasons` says why.
+/// It is not an error if no sample counts; `reasons` then gives the reasons.
 ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
                                 const ConditioningOptions& options, const Progress& progress = {});
 

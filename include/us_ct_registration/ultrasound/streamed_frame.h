@@ -49,7 +49,7 @@ struct StreamedFrame {
   Array array;
   /// Set for motorised probes only.
   std::optional<MotorFrame> motor;
-  /// Tracked probes only; empty if no pose is known, and `pose_problem` says why.
+  /// Pose, of tracked probes only; empty if it is not known, with the reason in `pose_problem`.
   std::optional<FramePose> pose;
   std::string pose_problem;
 

@@ -27,7 +27,7 @@ class YamlKeys {
     return path_.empty() ? key : path_ + "." + key;
   }
   bool has(const std::string& key) const { return nodes_.count(key) != 0; }
-  /// In alphabetical order.
+  /// All keys, in alphabetical order.
   std::vector<std::string> all() const;
 
   /// These throw if the key is missing, or not of the right type.

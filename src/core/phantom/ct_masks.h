@@ -5,7 +5,7 @@
 /// Masks of the objects in a CT and in its label map: 255 in the object, 0 elsewhere.
 namespace usct::phantom {
 
-/// Below this, in HU, a CT shows air.
+/// HU below which a CT shows air.
 constexpr float kAirHu = -300.0F;
 /// Approximate size of the voxels of the body's mask, unless those of the CT are larger.
 constexpr double kBodyVoxelMm = 2.5;

@@ -96,7 +96,7 @@ Vector3d Kidney::surface_point_mm(const Vector3d& direction) const {
 }
 
 double Kidney::sinus_wall(const Vector3d& unit_u) const {
-  // Where a ray from the origin leaves the sinus' ellipsoid, which holds the origin.
+  // The point at which a ray from the origin leaves the sinus' ellipsoid, which holds the origin.
   const Vector3d v = unit_u.cwiseQuotient(sinus_axes_);
   const Vector3d c = -kSinusCentre.cwiseQuotient(sinus_axes_);
   const double a = v.squaredNorm();

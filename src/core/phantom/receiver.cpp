@@ -25,7 +25,7 @@ std::complex<float> noise_at(std::uint64_t seed, int a, int b, int c) {
   return {static_cast<float>(z.real() * 0.70710678), static_cast<float>(z.imag() * 0.70710678)};
 }
 
-/// For each depth node, the level that a share of all points at the depth does not exceed.
+/// The level that a share of all points at a depth does not exceed, per depth node.
 std::vector<double> typical_level_db(const std::vector<TransmissionMap>& maps) {
   std::vector<double> typical;
   std::vector<float> levels;

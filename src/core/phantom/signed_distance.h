@@ -9,7 +9,7 @@ namespace usct::phantom {
 /// surface.
 Volume<float> signed_distance(const MaskVolume& mask);
 
-/// The same distance, smoothed over `sigma_mm`, so that its zero level has no staircase.
+/// The signed distance, smoothed over `sigma_mm`, so that its zero level has no staircase.
 Volume<float> smooth_signed_distance(const MaskVolume& mask, double sigma_mm);
 
 }  // namespace usct::phantom

@@ -18,7 +18,7 @@
 /// docs/bags.md has the topics.
 namespace usct::ros_interface {
 
-/// A sweep to write, and what is known about it.
+/// A sweep to write, with the known transforms.
 struct BagAcquisition {
   PreScanVolume us;
   /// Pose of the US frame during the sweep: p_fixed = T p_us, mm. Without it no tf is written.

@@ -16,7 +16,7 @@ struct StampedPose {
   Eigen::Isometry3d T;
 };
 
-/// The same pose from `first` to `last`, sampled as a robot's driver would.
+/// A constant pose from `first` to `last`, sampled as by a robot's driver.
 std::vector<StampedPose> held(const Eigen::Isometry3d& T, const ::ros::Time& first,
                               const ::ros::Time& last);
 

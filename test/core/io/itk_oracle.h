@@ -11,7 +11,7 @@ namespace usct::test {
 struct ItkImage {
   std::vector<int> size;
   std::vector<double> spacing, origin;
-  /// For each index axis the three components of its direction in LPS.
+  /// The three components of the direction, in LPS, of each index axis.
   std::vector<double> direction;
   std::vector<short> voxels;
 };

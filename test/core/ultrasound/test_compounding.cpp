@@ -225,7 +225,7 @@ TEST(Compound, ALinearSweepIsTheSameAsItsImages) {
   }
   const Grid grid = fan_grid(prescan.geometry, 0.7);
   CompoundOptions options;
-  options.average_in_plane = false;  // else the edges differ: the sweep knows half a pixel more
+  options.average_in_plane = false;  // else the edges differ by half a pixel
   const ScanConverted sweep = compound(prescan, grid, options);
   const ScanConverted pictures = compound(images, grid, options);
   std::size_t both = 0;

@@ -41,7 +41,7 @@ std::string propello_type_name(std::int32_t type);
 bool is_propello(const std::filesystem::path& path);
 
 /// Throws InputError, naming file, field and constraint, if the type is not one that is read, a
-/// size is not positive, or the file's size is not what the header says.
+/// size is not positive, or the file's size does not follow from the header.
 PropelloVolumes read_propello(const std::filesystem::path& path);
 
 /// Writes atomically. Throws InputError if header and voxels do not fit each other.

@@ -57,7 +57,7 @@ std::string ultrasonix_type_name(std::int32_t type);
 bool is_ultrasonix(const std::filesystem::path& path);
 
 /// Throws InputError, naming file, field and constraint, if the type is not one that is read, a
-/// size is not positive, or the file's size is not what the header says, with or without frame
+/// size is not positive, or the file's size does not follow from the header, with or without frame
 /// tags.
 UltrasonixSequence read_ultrasonix(const std::filesystem::path& path);
 

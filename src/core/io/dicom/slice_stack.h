@@ -25,10 +25,10 @@ struct SlicePose {
 struct SliceStack {
   /// Indices into the slices given, one per distinct place.
   std::vector<int> order;
-  /// For each of `order`, the slices at the same place.
+  /// The slices at the same place, for each entry of `order`.
   std::vector<std::vector<int>> duplicates;
-  /// For each of `order`, from the first slice on: the distance along the normal, and the sideways
-  /// shift along the two axes.
+  /// Distance along the normal, and sideways shift along the two axes, from the first slice on; for
+  /// each entry of `order`.
   std::vector<double> depth_mm;
   std::vector<Eigen::Vector2d> shift_mm;
 
