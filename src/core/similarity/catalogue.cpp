@@ -36,7 +36,7 @@ SimilarityOptions similarity_named(const std::string& name, const std::string& s
     if (name == metric.kName) found = metric;
     all += (all.empty() ? "" : ", ") + std::string(metric.kName);
   });
-  if (!found) throw InputError(source, "similarity is '" + name + "', must be one of " + all);
+  if (!found) throw InputError(source, "is '" + name + "', must be one of " + all);
   return *found;
 }
 
