@@ -6,11 +6,13 @@ if(USCT_CORE_ONLY)
   set(USCT_BIN_DIR ${CMAKE_INSTALL_BINDIR})
   set(USCT_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/${PROJECT_NAME})
   set(USCT_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/${PROJECT_NAME})
+  set(USCT_SCRIPT_DIR ${USCT_SHARE_DIR}/scripts)
 else()
   set(USCT_LIB_DIR ${CATKIN_PACKAGE_LIB_DESTINATION})
   set(USCT_BIN_DIR ${CATKIN_GLOBAL_BIN_DESTINATION})
   set(USCT_INCLUDE_DIR ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
   set(USCT_SHARE_DIR ${CATKIN_PACKAGE_SHARE_DESTINATION})
+  set(USCT_SCRIPT_DIR ${CATKIN_PACKAGE_BIN_DESTINATION})  # for rosrun
 endif()
 
 # The tool finds the library, and usct_bag beside it, wherever the prefix is.
@@ -32,7 +34,7 @@ if(NOT USCT_CORE_ONLY)
 endif()
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${USCT_INCLUDE_DIR})
 install(DIRECTORY config DESTINATION ${USCT_SHARE_DIR})
-install(PROGRAMS scripts/plot_study DESTINATION ${USCT_SHARE_DIR}/scripts)
+install(PROGRAMS scripts/plot_study DESTINATION ${USCT_SCRIPT_DIR})
 
 # With ROS, catkin_package() makes the files that find_package(us_ct_registration) reads.
 if(USCT_CORE_ONLY)
