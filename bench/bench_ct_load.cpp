@@ -1,5 +1,5 @@
-// A CT from a folder of DICOM slices, as hospitals hand it out: 512 x 512 x 100, 16 bit, of which
-// the voxels alone take 50 MiB.
+// Reads a CT from a folder of DICOM slices, as hospitals export it: 512 x 512 x 100 voxels of 16
+// bits, which take 50 MiB.
 #include <unistd.h>
 
 #include <cstdlib>
@@ -67,7 +67,7 @@ std::string slice_bytes(int k) {
   return out;
 }
 
-/// Written once, removed at the end.
+/// A series that is written once and removed at the end.
 class Series {
  public:
   Series() {

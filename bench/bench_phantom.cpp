@@ -15,7 +15,7 @@ void full_case(benchmark::State& state, SceneKind scene, SweepKind sweep) {
     voxels = phantom.ct.voxels.size() + phantom.ultrasound.voxels.size();
     ++options.seed;
   }
-  finish(state, static_cast<std::int64_t>(voxels));  // of CT and ultrasound together
+  finish(state, static_cast<std::int64_t>(voxels));  // voxels of CT and ultrasound together
 }
 BENCHMARK_CAPTURE(full_case, agar, SceneKind::kAgar, SweepKind::kMotorised)
     ->Unit(benchmark::kSecond)

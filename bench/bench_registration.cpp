@@ -31,7 +31,7 @@ const PhantomCase& full_case(SceneKind scene) {
   return it->second;
 }
 
-/// The same CT in the middle of a larger one; its outermost voxels go on.
+/// The same CT in the middle of a larger one, into which its outermost voxels are continued.
 CtVolume in_larger(const CtVolume& ct, const Eigen::Vector3i& size) {
   const Eigen::Vector3i before = (size - ct.grid.size) / 2;
   Grid grid = ct.grid;
@@ -41,13 +41,13 @@ CtVolume in_larger(const CtVolume& ct, const Eigen::Vector3i& size) {
                   Outside::edge());
 }
 
-/// Making the phantom takes more memory than registering it: what counts is from here on.
+/// Resets the peak, since making the phantom takes more memory than registering it.
 void forget_peak_memory() {
   malloc_trim(0);
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
-/// From 10 mm off, one registration per iteration, each time in another direction.
+/// One registration per iteration, from a start 10 mm off, in another direction each time.
 void registration(benchmark::State& state, const char* preset_name, SceneKind scene,
                   const Eigen::Vector3i& ct_size) {
   constexpr double kDisplacementMm = 10.0;

@@ -6,7 +6,7 @@
 namespace usct {
 namespace {
 
-/// 128 x 154 x 81, as the thesis' fifth phantom.
+/// A sweep of 128 x 154 x 81, the size of the thesis' fifth phantom.
 PreScanVolume motorised_sweep() {
   PreScanVolume prescan;
   prescan.geometry.axial = {128, 2.0, 0.6};

@@ -3,7 +3,10 @@
 #include <cmath>
 
 #include "finish.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
+#include "similarity/packed_ct.h"
+#include "similarity/ultrasound_patches.h"
+#include "us_ct_registration/similarity/catalogue.h"
+#include "us_ct_registration/ultrasound/conditioning.h"
 #include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct {
@@ -33,7 +36,7 @@ const BeamUltrasound& ultrasound() {
   return result;
 }
 
-/// Covers nearly all of the field.
+/// A CT that covers nearly all of the field.
 Volume<float> ct(double spacing_mm) {
   Grid grid;
   grid.spacing_mm.setConstant(spacing_mm);
@@ -55,7 +58,7 @@ Eigen::Isometry3d pose() {
   return Eigen::Isometry3d(Eigen::AngleAxisd(0.1, Eigen::Vector3d(1, 2, 3).normalized()));
 }
 
-/// Makes the kernel run with these instructions; all that there are for 0.
+/// Restricts the kernel to these instructions; 0 allows all that the machine has.
 void use_target(std::int64_t target) {
   hwy::SetSupportedTargetsForTest(target);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
@@ -63,7 +66,7 @@ void use_target(std::int64_t target) {
 
 constexpr std::int64_t kScalar = -1;
 
-void evaluate(benchmark::State& state, SimilarityKind kind, std::int64_t target, int factor,
+void evaluate(benchmark::State& state, const char* metric, std::int64_t target, int factor,
               double ct_mm, const AcquisitionErrors& errors) {
   use_target(0);
   if (target > 0 && (hwy::SupportedTargets() & target) == 0) {
@@ -71,18 +74,18 @@ void evaluate(benchmark::State& state, SimilarityKind kind, std::int64_t target,
     return;
   }
   omp_set_num_threads(1);
-  SimilarityOptions options;
-  options.kind = kind;
-  options.scalar = target == kScalar;
-  const auto patches = std::make_shared<const UltrasoundPatches>(
-      cut_into_patches(decimate(ultrasound(), Eigen::Vector3i::Constant(factor)), options.patches));
-  const auto packed = std::make_shared<const PackedCt>(ct(ct_mm), HuWindow{}, 40.0);
-  const auto similarity = make_patch_similarity(patches, packed, options);
+  SimilarityImages images(std::make_shared<const BeamUltrasound>(
+                              decimate(ultrasound(), Eigen::Vector3i::Constant(factor))),
+                          pack_ct(ct(ct_mm), HuWindow{}, 40.0), nullptr, true,
+                          target == kScalar ? scalar_backend() : simd_backend());
+  const auto similarity = make_similarity(images, similarity_named(metric, "benchmark"));
+  const auto patches = images.patches({});
   if (target > 0) use_target(target);
-  state.counters["value"] = similarity->evaluate(pose(), errors).value;
-  state.counters["overlap"] = similarity->evaluate(pose(), errors).overlap;
+  const SimilarityPose where{pose(), errors};
+  state.counters["value"] = similarity->evaluate(where).value;
+  state.counters["overlap"] = similarity->evaluate(where).overlap;
   state.counters["patches"] = static_cast<double>(patches->patches.size());
-  for (auto _ : state) benchmark::DoNotOptimize(similarity->evaluate(pose(), errors));
+  for (auto _ : state) benchmark::DoNotOptimize(similarity->evaluate(where));
   use_target(0);
   finish(state, static_cast<std::int64_t>(patches->count));
   state.counters["per_sample"] = benchmark::Counter(
@@ -119,7 +122,7 @@ void packing(benchmark::State& state, double ct_mm) {
 }
 
 constexpr auto kMs = benchmark::kMillisecond;
-constexpr auto kLocal = SimilarityKind::kLocalLc2;
+constexpr auto kLocal = "local_lc2";
 constexpr AcquisitionErrors kNone{};
 BENCHMARK_CAPTURE(evaluate, local_lc2_scalar_2x, kLocal, kScalar, 2, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, local_lc2_avx2_2x, kLocal, HWY_AVX2, 2, 1.0, kNone)->Unit(kMs);
@@ -133,13 +136,11 @@ BENCHMARK_CAPTURE(evaluate, local_lc2_avx2_2x_cached, kLocal, HWY_AVX2, 2, 5.0, 
 BENCHMARK_CAPTURE(evaluate, local_lc2_avx512_2x_cached, kLocal, HWY_AVX3, 2, 5.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, local_lc2_errors, kLocal, 0, 2, 1.0, AcquisitionErrors{0.01, 0.01})
     ->Unit(kMs);
-BENCHMARK_CAPTURE(evaluate, global_lc2, SimilarityKind::kGlobalLc2, 0, 2, 1.0, kNone)->Unit(kMs);
-BENCHMARK_CAPTURE(evaluate, mattes_mi, SimilarityKind::kMattesMi, 0, 2, 1.0, kNone)->Unit(kMs);
-BENCHMARK_CAPTURE(evaluate, nmi, SimilarityKind::kNmi, 0, 2, 1.0, kNone)->Unit(kMs);
-BENCHMARK_CAPTURE(evaluate, correlation_ratio, SimilarityKind::kCorrelationRatio, 0, 2, 1.0, kNone)
-    ->Unit(kMs);
-BENCHMARK_CAPTURE(evaluate, joint_correlation_ratio, SimilarityKind::kJointCorrelationRatio, 0, 2,
-                  1.0, kNone)
+BENCHMARK_CAPTURE(evaluate, global_lc2, "global_lc2", 0, 2, 1.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, mattes_mi, "mattes_mi", 0, 2, 1.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, nmi, "nmi", 0, 2, 1.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, correlation_ratio, "correlation_ratio", 0, 2, 1.0, kNone)->Unit(kMs);
+BENCHMARK_CAPTURE(evaluate, joint_correlation_ratio, "joint_correlation_ratio", 0, 2, 1.0, kNone)
     ->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_2x, 2)->Arg(1)->Arg(2)->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_1x, 1)->Arg(1)->Arg(2)->Unit(kMs);

@@ -84,8 +84,9 @@ void fused(benchmark::State& state, std::int64_t target, const SimulationOptions
   hwy::SetSupportedTargetsForTest(target);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   const auto similarity = make_simulated_lc2(c.ultrasound, {}, c.ct, options, {});
-  state.counters["lc2"] = similarity->evaluate(c.T_ct_us).value;
-  for (auto _ : state) benchmark::DoNotOptimize(similarity->evaluate(c.T_ct_us));
+  state.counters["lc2"] = similarity->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
+  for (auto _ : state)
+    benchmark::DoNotOptimize(similarity->evaluate(SimilarityPose{c.T_ct_us, {}}));
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   finish_samples(state);

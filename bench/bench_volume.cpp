@@ -14,7 +14,7 @@ CtVolume diagnostic_ct() {
   return ct;
 }
 
-/// What the ultrasound can reach: about 150 mm cubed of it.
+/// The region that the ultrasound can reach, a cube of about 150 mm.
 Region kidney_region() { return {{150, 150, 80}, {214, 214, 150}}; }
 
 void count_voxels(benchmark::State& state, const Region& region) {

@@ -8,8 +8,8 @@
 
 namespace usct {
 
-/// What every benchmark reports at its end: `items` per iteration (voxels of the result, if the
-/// benchmark does not say otherwise), the peak memory of the whole process so far, and threads.
+/// Reports `items` per iteration (by default voxels of the result), the peak memory of the process
+/// so far, and the number of threads.
 inline void finish(benchmark::State& state, std::int64_t items) {
   state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * items);
   rusage usage{};

@@ -1,3 +1,6 @@
+# ITK's readers of images, to which tests hold ours. The core does not link them.
+find_package(ITK 5 REQUIRED COMPONENTS ITKIOImageBase ITKIOMeta ITKIONRRD ITKIONIFTI)
+
 # Where tests find the project's files and the tool. A header rather than macros on the command line: tests
 # that do not include it compile to the same objects in any folder.
 file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/test_paths/test_paths.h CONTENT "#pragma once
@@ -38,7 +41,7 @@ foreach(folder ${test_folders})
 endforeach()
 
 # The ROS interface: test/ros/unit needs no master (one executable, test_ros); each NAME.test beside it
-# launches nodes, with its own test program NAME.cpp if there is one.
+# launches nodes, with its own test program from the sources in the folder NAME if there is one.
 if(NOT USCT_CORE_ONLY)
   find_package(rostest REQUIRED)
   # catkin fixes the tests' environment while it configures and leaves out folders that do not exist yet: without
@@ -51,8 +54,9 @@ if(NOT USCT_CORE_ONLY)
   file(GLOB launch_files CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/*.test)
   foreach(launch_file ${launch_files})
     get_filename_component(name ${launch_file} NAME_WE)
-    if(EXISTS ${PROJECT_SOURCE_DIR}/test/ros/${name}.cpp)
-      add_rostest_gtest(test_${name} ${launch_file} ${PROJECT_SOURCE_DIR}/test/ros/${name}.cpp)
+    file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/${name}/*.cpp)
+    if(sources)
+      add_rostest_gtest(test_${name} ${launch_file} ${sources})
       target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
       target_link_libraries(test_${name} ${PROJECT_NAME}_ros ${GTEST_LIBRARIES} usct_warnings)
     else()

@@ -12,7 +12,7 @@ else()
   set(USCT_BIN_DIR ${CATKIN_GLOBAL_BIN_DESTINATION})
   set(USCT_INCLUDE_DIR ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
   set(USCT_SHARE_DIR ${CATKIN_PACKAGE_SHARE_DESTINATION})
-  set(USCT_SCRIPT_DIR ${CATKIN_PACKAGE_BIN_DESTINATION})  # for rosrun
+  set(USCT_SCRIPT_DIR ${CATKIN_PACKAGE_BIN_DESTINATION})  # rosrun us_ct_registration plot_study
 endif()
 
 # The tool finds the library, and usct_bag beside it, wherever the prefix is.

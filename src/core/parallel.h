@@ -14,7 +14,8 @@
 
 namespace usct {
 
-/// Keeps the first exception of bodies that run in parallel, after which further bodies do not run.
+/// The first exception of tasks that run in parallel. It is kept, and tasks that have not begun are
+/// skipped.
 class FirstFailure {
  public:
   template <typename Body>
@@ -23,7 +24,8 @@ class FirstFailure {
     try {
       body();
     } catch (...) {
-      // Not a critical section of OpenMP: an exception that leaves one ends the program.
+      // A mutex, since an exception that leaves a critical section of OpenMP would terminate the
+      // program.
       const std::lock_guard<std::mutex> lock(failing_);
       if (!failed_.exchange(true)) failure_ = std::current_exception();
     }
@@ -39,9 +41,9 @@ class FirstFailure {
   std::mutex failing_;
 };
 
-/// Runs `body(i)` for i in [0, count), on the threads of OpenMP. The order is not fixed: if each
-/// body writes only to places of its own, the result does not depend on the number of threads. The
-/// first exception of a body (or of `progress`) ends the loop early and is thrown here.
+/// Runs `body(i)` for i in [0, count) on the threads of OpenMP. The order is not fixed, so each
+/// body must write to memory of its own; the result then does not depend on the number of threads.
+/// The first exception of a body (or of `progress`) ends the loop early and is thrown here.
 template <typename Body>
 void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   FirstFailure failure;
@@ -50,7 +52,7 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   std::mutex reporting;
   const auto report = [&](int finished) {
     const std::lock_guard<std::mutex> lock(reporting);
-    // Another thread may have reported a later state meanwhile: progress never runs back.
+    // Another thread may have reported a later state already, and progress must never decrease.
     const double fraction = static_cast<double>(finished) / count;
     if (failure.failed() || fraction <= reported) return;
     reported = fraction;
@@ -66,8 +68,9 @@ void parallel_for(int count, const Body& body, const Progress& progress = {}) {
   failure.rethrow();
 }
 
-/// Likewise, for bodies of equal work: each thread runs neighbours, and in the next such loop the
-/// same ones again, so that it finds what it wrote in its own cache.
+/// Like `parallel_for`, for bodies of equal work. Each thread runs a contiguous range, which is the
+/// same in each such loop with the same count, so that a thread finds in its cache what it wrote in
+/// the loop before.
 template <typename Body>
 void parallel_for_alike(int count, const Body& body) {
   FirstFailure failure;
@@ -76,7 +79,8 @@ void parallel_for_alike(int count, const Body& body) {
   failure.rethrow();
 }
 
-/// Runs `body(begin, end)` for ranges of at most `at_once` that make up [0, count), likewise.
+/// Runs `body(begin, end)` for ranges of at most `at_once` indices that make up [0, count),
+/// scheduled as in `parallel_for_alike`.
 template <typename Body>
 void parallel_ranges(std::size_t count, const Body& body,
                      std::size_t at_once = std::size_t{1} << 13) {
@@ -86,8 +90,8 @@ void parallel_ranges(std::size_t count, const Body& body,
   });
 }
 
-/// The sum of `part(begin, end)` over ranges that are always the same ones: it has the same bits
-/// with any number of threads.
+/// The sum of `part(begin, end)` over ranges that do not depend on the number of threads, so that
+/// the result has the same bits with any number of them.
 template <typename Part>
 double parallel_sum(std::size_t count, const Part& part) {
   constexpr std::size_t kAtOnce = std::size_t{1} << 15;

@@ -31,7 +31,7 @@ int parse_int(std::string_view text, const std::string& source, const std::strin
 /// The shortest text that reads back as the same double.
 std::string format_double(double value);
 
-/// Separated by blanks.
+/// The numbers separated by blanks.
 std::string format_doubles(const std::vector<double>& values);
 
 }  // namespace usct

@@ -1,4 +1,4 @@
-#include "ros/us_ingest.h"
+#include "ros/ingest/us_ingest.h"
 
 #include "ros/node_main.h"
 

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
-#include <cmath>
 #include <utility>
 
-#include "ros/conversions.h"
-#include "ros/ct_surface.h"
+#include "ros/conversions/clouds.h"
+#include "ros/conversions/ct.h"
 #include "ros/parameters.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/subgrid.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
+#include "us_ct_registration/rendering/surface_labels.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -19,35 +20,7 @@ namespace fs = std::filesystem;
 namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
 
-/// Of the label map's voxels from those of the CT, in voxels; NIfTI holds positions in single
-/// precision.
-constexpr double kGridTolerance = 0.02;
-
-/// The index of a grid's voxel on another grid, if it is one of its voxels.
-std::optional<Eigen::Vector3i> voxel_of(const Grid& grid, const Eigen::Vector3d& p_mm) {
-  const Eigen::Vector3d index = grid.index_from_physical(p_mm);
-  const Eigen::Vector3d nearest = index.array().round();
-  if ((index - nearest).cwiseAbs().maxCoeff() > kGridTolerance) return std::nullopt;
-  if ((nearest.array() < 0).any() || (nearest.array() >= grid.size.array().cast<double>()).any())
-    return std::nullopt;
-  return nearest.cast<int>();
-}
-
-/// Each voxel of `part` is one of `grid`, whatever the order of the axes.
-bool is_part_of(const Grid& part, const Grid& grid) {
-  const auto first = voxel_of(grid, part.origin_mm);
-  if (!first) return false;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int steps = part.size[axis] - 1;
-    const auto last = voxel_of(grid, part.physical_from_index(steps * Eigen::Vector3d::Unit(axis)));
-    if (!last || (*last - *first).cwiseAbs().sum() != steps ||
-        (*last - *first).cwiseAbs().maxCoeff() != steps)
-      return false;
-  }
-  return true;
-}
-
-/// What the core says of a file, as it may be told.
+/// An error of the core about a file, without what callers may not be told.
 InputError retold(const std::exception& error, const fs::path& path, const std::string& given) {
   const std::string text = without_names(error.what(), path, given);
   const std::string source = given + ": ";
@@ -69,8 +42,8 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   const std::string data_root = parameters.text("data_root", "");
   ct_frame_ = parameters.text("ct_frame", "ct");
   dicom_options_.resample_irregular = parameters.flag("resample_irregular", false);
-  label_names_ =
-      label_names_from(parameters.text("label_names", ""), private_node.resolveName("label_names"));
+  label_names_ = parse_label_names(parameters.text("label_names", ""),
+                                   private_node.resolveName("label_names"));
   surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
   surface_triangles_ =
       static_cast<std::size_t>(parameters.whole("surface_triangles", 50000, 1000, 2000000));
@@ -93,7 +66,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   diagnostics_timer_ =
       node_.createWallTimer(::ros::WallDuration(1.0),
                             [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
-  // Not here: a nodelet's manager would stand still for seconds.
+  // The constructor must not read it: a nodelet's manager would stand still for seconds.
   if (!path.empty())
     first_load_timer_ = node_.createWallTimer(
         ::ros::WallDuration(0.001),
@@ -102,7 +75,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
 
 fs::path CtServer::resolve(const std::string& given, const std::string& field) const {
   if (data_root_) return data_root_->resolve(given, field);
-  // Then only parameters say what is read.
+  // Without a data root no caller can have files read: the path is a parameter.
   fs::path path(given);
   if (!path.is_absolute())
     throw InputError(given, "parameter '" + field + "' must be a whole path without data_root");
@@ -117,7 +90,7 @@ LabelVolume CtServer::read_labels(const std::string& labels, const Grid& ct_grid
   } catch (const std::exception& error) {
     throw retold(error, path, labels);
   }
-  if (!is_part_of(volume.grid, ct_grid))
+  if (!is_subgrid(volume.grid, ct_grid))
     throw InputError(labels, "its voxels (" + size_text(volume.grid.size) +
                                  ") are not those of the CT (" + size_text(ct_grid.size) +
                                  ") or part of them");
@@ -170,7 +143,8 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
 }
 
 std::uint32_t CtServer::next_revision() {
-  // One a second, and none in the second of the start: a node before may have used that.
+  // There is at most one revision per second, and none in the second of the start, which a node
+  // that ran before may have used.
   const double left_s = (::ros::WallTime(last_revision_ + 1, 0) - ::ros::WallTime::now()).toSec();
   ::ros::WallDuration(std::clamp(left_s, 0.0, 1.0)).sleep();
   // The clock may have been set back.
@@ -181,7 +155,8 @@ std::uint32_t CtServer::next_revision() {
 void CtServer::hold(const Loaded& loaded) {
   const std::uint32_t revision = next_revision();
   std_msgs::Header header;
-  // Simulated time that has not begun is 0, which is no stamp: the CT was there before all else.
+  // Simulated time that has not begun is 0, which is no stamp. The CT gets the smallest stamp then,
+  // because all ultrasound will be newer.
   header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
   header.frame_id = ct_frame_;
   const auto volume =
@@ -205,7 +180,7 @@ void CtServer::hold(const Loaded& loaded) {
     info_ = info;
     last_error_.clear();
   }
-  // The summary first: who accepts registrations then knows the CT before any result of it.
+  // The summary goes first, so that tf_publisher knows the CT before any result of it comes.
   info_publisher_.publish(info);
   volume_publisher_.publish(volume);
   std::map<int, std::string> names = label_names_;

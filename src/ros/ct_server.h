@@ -19,13 +19,13 @@
 
 namespace usct::ros_interface {
 
-/// Holds the CT and publishes it, its surfaces and a summary; docs/nodes/ct_server.md.
+/// Holds the CT and publishes it, its surfaces and a summary. docs/nodes/ct_server.md.
 class CtServer {
  public:
   CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
 
  private:
-  /// What was read, before anything of it is published.
+  /// A CT as it was read, before anything of it is published.
   struct Loaded {
     LoadedCt ct;
     std::map<int, Surface> surfaces;
@@ -36,12 +36,13 @@ class CtServer {
                us_ct_registration::LoadCt::Response& response);
   bool on_get(us_ct_registration::GetCt::Request& request,
               us_ct_registration::GetCt::Response& response);
-  /// Replaces what is held, or leaves it and says why.
+  /// Replaces the CT that is held; if that fails, the CT stays and the answer says why.
   us_ct_registration::StatusCode load(const std::string& path, const std::string& labels);
   Loaded read(const std::string& path, const std::string& labels) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
-  /// Seconds since 1970: it rises over restarts without being kept anywhere.
+  /// The revision is the time in seconds since 1970, so that it rises over restarts without being
+  /// kept anywhere.
   std::uint32_t next_revision();
   void hold(const Loaded& loaded);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
@@ -56,7 +57,7 @@ class CtServer {
 
   std::mutex loading_;  // held while files are read
   std::uint32_t last_revision_ = ::ros::WallTime::now().sec;
-  std::mutex mutex_;  // holds for the three below, for moments only
+  std::mutex mutex_;  // guards the three members below; never held while files are read
   us_ct_registration::CtVolumeConstPtr volume_;
   us_ct_registration::CtInfo info_;
   std::string last_error_;

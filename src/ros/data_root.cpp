@@ -13,7 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// DICOM series and headers with detached data: other files of the folder are read as well.
+/// Whether other files of the folder are read as well, as for a DICOM series or a header with
+/// detached data.
 bool is_one_of_several(const fs::path& file) {
   const std::string extension = file.extension().string();
   return !has_volume_extension(file) || extension == ".nhdr" || extension == ".mhd";
@@ -36,13 +37,13 @@ bool is_part_of_name(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-';
 }
 
-/// A number like that would be found in sentences as well; and it names nobody.
+/// Short numbers stay in a text: they occur in sentences as well, and they name nobody.
 bool is_short_number(const std::string& name) {
   return name.size() <= 3 && std::all_of(name.begin(), name.end(),
                                          [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/// Whether the characters around are not of the same name.
+/// Whether text[begin, end) is a whole name and not a part of a longer one.
 bool stands_alone(const std::string& text, std::size_t begin, std::size_t end) {
   const bool goes_on_left =
       begin > 0 && is_part_of_name(text[begin - 1]) && is_part_of_name(text[begin]);
@@ -111,7 +112,7 @@ std::string without_names(const std::string& text, const fs::path& path, const s
   for_each_entry(folder, is_folder, [&](const fs::directory_entry& entry) {
     if (entry.path() != path) entries.insert(entry.path());
   });
-  // What the caller gave may hold such names as well: it is put in last.
+  // The path that the caller gave may contain such names as well, so it is put in last.
   const std::string place_of_given(1, '\0');
   std::vector<std::pair<std::string, std::string>> replacements{{path.string(), place_of_given},
                                                                 {given, place_of_given}};
@@ -123,7 +124,7 @@ std::string without_names(const std::string& text, const fs::path& path, const s
     if (!is_short_number(name)) replacements.emplace_back(name, shown);
   }
   replacements.emplace_back(folder.string(), "the folder");
-  // Longest first: one name may begin with another.
+  // The longest name goes first, because one name may begin with another.
   std::stable_sort(replacements.begin(), replacements.end(),
                    [](const auto& a, const auto& b) { return a.first.size() > b.first.size(); });
   std::string shown = text;

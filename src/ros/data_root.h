@@ -8,24 +8,24 @@
 
 namespace usct::ros_interface {
 
-/// Not below the data root.
+/// A path that is not below the data root.
 class PathRefused : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The folder that callers may have files opened below, and what they may be told of it: no path
-/// but the one they gave, and no name of a file or folder that they did not name (many name a
-/// patient).
+/// The folder below which callers may have files opened. Callers may be told no path but the one
+/// that they gave, and no name of a file or folder that they did not name, because many such names
+/// are those of patients.
 class DataRoot {
  public:
   /// Throws InputError, naming `parameter`, unless `root` is a folder.
   DataRoot(const std::filesystem::path& root, const std::string& parameter);
 
-  /// The file or folder that `given` names (relative: below the root), with all links resolved.
-  /// Throws PathRefused, naming `field`, if that, or what a link in it (or, for a file of several,
-  /// beside it) leads to, is not below the root, whether or not it exists; InputError if there is
-  /// nothing of that name.
+  /// The file or folder that `given` names, with all links resolved; a relative path begins at the
+  /// root. Throws PathRefused, naming `field`, if the path is not below the root, whether or not it
+  /// exists, or if a link leads out of the root: a link inside the folder or, for a file that is
+  /// read together with others, beside the file. Throws InputError if nothing has that name.
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
 
  private:
@@ -36,8 +36,8 @@ class DataRoot {
   std::filesystem::path root_;
 };
 
-/// `text` about `path` for people: `path` as the caller gave it, and names of files and folders in
-/// it, or beside it, by their number.
+/// A `text` about `path` that callers may read: it has `path` as the caller gave it, and numbers in
+/// place of the names of files and folders in it or beside it.
 std::string without_names(const std::string& text, const std::filesystem::path& path,
                           const std::string& given);
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/refusal.h"
 
 namespace usct::ros_interface {
@@ -79,7 +79,7 @@ Isometry3d FixedFrame::T_fixed_us_at(const std_msgs::Header& us, const ::ros::Ti
 ::ros::Time FixedFrame::usable_time(const std_msgs::Header& us) const {
   std::string why;
   if (tf_.canTransform(name(us), us.frame_id, us.stamp, &why)) return us.stamp;
-  // Throws where the frames are not connected at any time.
+  // This throws if the frames were never connected.
   const ::ros::Time newest =
       tf_.lookupTransform(name(us), us.frame_id, ::ros::Time(0)).header.stamp;
   if (newest >= us.stamp) throw tf2::ExtrapolationException(why);
@@ -98,7 +98,7 @@ void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose
   constexpr int kSamples = 4;  // on either side
   for (int i = -kSamples; i <= kSamples; ++i) {
     const ::ros::Duration offset(options_.jump_window_s * i / kSamples);
-    // Time 0 would mean the newest.
+    // To tf the time 0 means the newest transform.
     if (i == 0 || us.stamp.toSec() + offset.toSec() <= 0.0) continue;
     if (!tf_.canTransform(name(us), us.frame_id, us.stamp + offset)) continue;
     const Isometry3d moved = T_fixed_us_at(us, us.stamp + offset);

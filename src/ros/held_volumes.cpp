@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "ros/conversions.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/ultrasound.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -14,13 +15,13 @@ using Status = msg::StatusCode;
 
 constexpr std::chrono::milliseconds kPoll(5);
 
-/// What the conversions leave to the node: a stamp of 0 would make tf give its newest transform.
+/// The conversions do not check headers. A stamp of 0 would make tf give its newest transform.
 void require_header(const std_msgs::Header& header, const std::string& source) {
   if (header.stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
   if (header.frame_id.empty()) throw InputError(source, "'header.frame_id' is empty, must be set");
 }
 
-/// Runs a conversion; whatever it ends with that is not a volume is the sender's to mend.
+/// Runs a conversion, and turns its exception into a refusal for those who ask for the volume.
 template <typename Convert>
 std::optional<Refusal> refusal_of(Convert&& convert) {
   try {
@@ -64,7 +65,7 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ultrasound_arrivals_.push_back(message);
   ++arrived_ultrasound_;
-  // What would be dropped right after its conversion is not converted.
+  // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
     ultrasound_arrivals_.pop_front();
     ++converted_ultrasound_;
@@ -104,9 +105,9 @@ void HeldVolumes::work() {
   }
 }
 
-/// As many settled ones as are to be kept, and as many that wait for tf. Where volumes come faster
-/// than tf, the newest takes the place of the one before it: those that wait longest are not
-/// dropped, else none would ever be ready.
+/// Up to `ultrasound_volumes` volumes are settled, and about as many wait for tf. If volumes come
+/// faster than tf, the newest replaces the one before it. The volumes that have waited longest are
+/// not dropped, because then none would ever be ready.
 void HeldVolumes::keep(Entry entry) {
   const auto settled = [](const Entry& one) { return one.settled; };
   const auto most = static_cast<std::ptrdiff_t>(options_.ultrasound_volumes);
@@ -152,7 +153,7 @@ HeldVolumes::Entry HeldVolumes::convert(const msg::PreScanVolume& message) const
   return entry;
 }
 
-/// Looks its pose up once tf has it, or no time is left. False: not yet.
+/// Looks the volume's pose up once tf has it or no time is left. Returns whether it did.
 bool HeldVolumes::settle(Entry& entry) const {
   if (!frame_.reaches(entry.header) && Clock::now() < entry.volume->tf_deadline) return false;
   try {
@@ -212,7 +213,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                                              " is held; there is: " + held);
   }
   const std::uint64_t number = entry->number;
-  // Others that arrive meanwhile may take its place.
+  // A volume that arrives meanwhile may replace it.
   await(lock, cancelled, [&] {
     entry = &*std::find_if(ultrasound_.begin(), ultrasound_.end(),
                            [&](const Entry& one) { return one.number >= number; });

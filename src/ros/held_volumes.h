@@ -33,11 +33,11 @@ struct HeldUltrasound {
   std_msgs::Header header;
   BeamUltrasound beams;
   FixedPose pose;
-  /// Tf is waited for no longer than until then.
+  /// When waiting for tf ends.
   std::chrono::steady_clock::time_point tf_deadline;
 };
 
-/// What is held, for diagnostics.
+/// A summary of the held volumes, for diagnostics.
 struct HeldState {
   std::shared_ptr<const HeldCt> ct;
   std::optional<Refusal> ct_refusal;
@@ -47,19 +47,21 @@ struct HeldState {
 };
 
 struct HeldVolumesOptions {
-  /// Recent ultrasound volumes that stay; >= 1.
+  /// Number of recent ultrasound volumes that are kept; >= 1.
   int ultrasound_volumes = 3;
-  /// How long tf may take to reach an ultrasound volume's stamp, wall time.
+  /// Longest wait until tf reaches the stamp of an ultrasound volume, wall time.
   double tf_timeout_s = 1.0;
 };
 
-/// The newest CT and some recent ultrasound, converted, with poses in the fixed frame: off the
-/// callbacks, which only hand over. Whoever asks waits for all that has arrived until then, so that
-/// nothing older than the newest message is ever registered in its place; if the newest message is
-/// malformed, that is what they are told. May be called from any thread.
+/// Holds the newest CT and some recent ultrasound volumes, converted, with poses in the fixed
+/// frame. Callbacks only hand messages over; a thread of this class converts each of them once.
+///
+/// A caller who asks for a volume waits until all messages that have arrived are converted, so that
+/// nothing older than the newest message is ever registered in its place. If the newest message is
+/// malformed, the caller is refused with that reason. May be called from any thread.
 class HeldVolumes {
  public:
-  /// `changed` is called, from the converting thread, whenever there is something new to take.
+  /// Calls `changed`, from the converting thread, whenever a volume may have become available.
   HeldVolumes(const FixedFrame& frame, HeldVolumesOptions options, std::function<void()> changed);
   ~HeldVolumes();
   HeldVolumes(const HeldVolumes&) = delete;
@@ -68,22 +70,22 @@ class HeldVolumes {
   void arrived(const us_ct_registration::CtVolume::ConstPtr& message);
   void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message);
 
-  /// These wait; `cancelled` ends the wait with the refusal CANCELLED.
-  /// Refuses with NO_CT or INVALID_MESSAGE.
+  /// The newest CT. Waits for it; `cancelled` ends the wait with the refusal CANCELLED. Refuses
+  /// with NO_CT or INVALID_MESSAGE.
   std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
-  /// With this stamp; 0: the newest. Refuses with NO_ULTRASOUND, INVALID_MESSAGE or, for want of
-  /// its pose, TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
+  /// The ultrasound with this stamp; 0: the newest. Waits like `ct`. Refuses with NO_ULTRASOUND,
+  /// INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
   std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
                                                    const std::function<bool()>& cancelled);
 
-  /// A registration need not wait until tf is past the window in which the probe must not move, but
-  /// its result does: waits until then, or for `tf_timeout`. Refuses with TF_JUMPED,
-  /// TF_UNAVAILABLE or CANCELLED.
+  /// Waits until tf has reached the end of the window in which the probe must not move, or for
+  /// `tf_timeout`: a registration may begin before that, but its result must not be given out.
+  /// Refuses with TF_JUMPED, TF_UNAVAILABLE or CANCELLED.
   void require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
 
-  /// Whether no other CT has arrived since: false at once, before the other one is converted.
+  /// Whether no other CT has arrived since `ct`, converted or not.
   bool is_newest(const HeldCt& ct) const;
-  /// The newest ultrasound that can be had without a wait; `number` counts up, 0: none.
+  /// The newest ultrasound that is available without waiting; `number` counts up, 0: none.
   struct Ready {
     std::uint64_t number = 0;
     ::ros::Time stamp;
@@ -93,7 +95,7 @@ class HeldVolumes {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// A volume, or why there is none; on the way to it, a volume that waits for tf.
+  /// A volume, or the reason why it is refused. Until it is settled, the volume waits for tf.
   struct Entry {
     std::uint64_t number = 0;
     std_msgs::Header header;

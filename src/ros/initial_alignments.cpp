@@ -1,6 +1,6 @@
 #include "ros/initial_alignments.h"
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/landmarks.h"
@@ -19,7 +19,7 @@ std::vector<Eigen::Vector3d> points_mm(const std::vector<geometry_msgs::Point>& 
   return result;
 }
 
-/// In the frame of the request.
+/// The alignment of a request, in the request's frame.
 LandmarkAlignment alignment_of(const SetRequest& request) {
   try {
     if (request.type == SetRequest::POSE)
@@ -87,7 +87,7 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
                                                             const std::string& ct_frame) const {
   if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
-  // Of another CT: it says nothing of this one.
+  // The alignment of another CT says nothing of this one.
   if (accepted_->ct_frame != ct_frame) return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);

@@ -22,29 +22,31 @@ struct FramedAlignment {
   Eigen::Isometry3d T_frame_ct = Eigen::Isometry3d::Identity();
 };
 
-/// Where a registration starts.
+/// The pose from which a registration starts.
 struct InitialAlignment {
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
-  /// As in RegistrationResult.
+  /// Where the pose came from, as in RegistrationResult.msg.
   std::string source;
 };
 
-/// What is known of where the CT lies, before a registration: the first that exists counts. May be
-/// called from any thread.
+/// Chooses the pose from which a registration starts: that of the goal, the one that was set, the
+/// last accepted one, or that of the parameters; the first that exists counts. May be called from
+/// any thread.
 class InitialAlignments {
  public:
   InitialAlignments(const FixedFrame& frame, std::optional<FramedAlignment> from_parameters);
 
-  /// Anchors it in the fixed frame as of the newest ultrasound, which `newest` gives (or refuses);
-  /// it is asked only where the frame needs it. Returns what is left between landmarks, m.
-  /// Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then all stays as it was.
+  /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
+  /// which `newest` returns or refuses; `newest` is called only if the request's frame is another
+  /// than the fixed one. Returns the residual between landmarks, m. Refuses with INVALID_REQUEST or
+  /// TF_UNAVAILABLE; then nothing changes.
   double set(const us_ct_registration::SetInitialAlignment::Request& request, ::ros::Time now,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
 
-  /// Refuses with TF_UNAVAILABLE, INVALID_REQUEST (`of_goal`) or INVALID_MESSAGE. Empty: there is
-  /// none.
+  /// Empty if no alignment is known. Refuses with TF_UNAVAILABLE, INVALID_REQUEST (`of_goal`) or
+  /// INVALID_MESSAGE.
   std::optional<InitialAlignment> choose(
       const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
       const std::string& ct_frame) const;

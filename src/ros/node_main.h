@@ -6,12 +6,14 @@
 
 namespace usct::ros_interface {
 
-/// Runs a node class until shutdown; ends with status 2 and a message if it cannot start. Its
-/// callbacks come from several threads, so that a cancel is heard while a registration runs.
+/// Runs a node class until shutdown, and returns the exit status: 2, after a message, if the node
+/// cannot start. Callbacks come from several threads, so that a node hears a cancel while another
+/// of its callbacks waits.
 template <class Node>
 int run_node(int argc, char** argv, const char* name) {
   ::ros::init(argc, argv, name);
-  // They outlive the try: without any, ROS shuts down, and the message would be lost.
+  // The handles outlive the try block: ROS shuts down with the last of them, and the message below
+  // would be lost.
   ::ros::NodeHandle node;
   ::ros::NodeHandle private_node("~");
   try {

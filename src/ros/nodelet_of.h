@@ -7,8 +7,8 @@
 
 namespace usct::ros_interface {
 
-/// The same class as a nodelet: volumes pass to others of the same manager by pointer. What it
-/// cannot start with ends its loading with a message.
+/// A node class as a nodelet: volumes pass to other nodelets of the same manager by pointer. If the
+/// node cannot start, loading the nodelet fails with a message.
 template <class Node>
 class NodeletOf : public nodelet::Nodelet {
   void onInit() override {

@@ -8,9 +8,9 @@
 
 namespace usct::ros_interface {
 
-/// The private parameters of a node, read once at start. A wrong type, a value out of range and a
-/// key that nobody asked for are InputErrors that name the key, the value and the constraint: a
-/// node with a misspelt parameter must not start with the default in its place.
+/// Reads the private parameters of a node, once, at start. A wrong type, a value out of range and a
+/// key that the node does not have are InputErrors that name the key, the value and the constraint:
+/// a node with a misspelt parameter must not start with the default in its place.
 class Parameters {
  public:
   explicit Parameters(const ::ros::NodeHandle& private_node);
@@ -19,16 +19,16 @@ class Parameters {
   bool flag(const std::string& key, bool fallback);
   int whole(const std::string& key, int fallback, int least,
             int most = std::numeric_limits<int>::max());
-  /// Whole numbers count as well.
+  /// A whole number is taken as well.
   double number(const std::string& key, double fallback, double least,
                 double most = std::numeric_limits<double>::infinity());
-  /// One of `choices`.
+  /// A text that must be one of `choices`.
   std::string choice(const std::string& key, const std::string& fallback,
                      const std::set<std::string>& choices);
-  /// Numbers of a list; empty if the key is not set. The count must be `count`.
+  /// A list of exactly `count` numbers; empty if the key is not set.
   std::vector<double> numbers(const std::string& key, std::size_t count);
 
-  /// Throws for every key below the node that was not asked for.
+  /// Throws InputError if the parameter server has a key below the node that was not read.
   void finish() const;
 
  private:

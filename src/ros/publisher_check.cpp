@@ -34,7 +34,7 @@ std::optional<std::string> published_type(const std::string& topic) {
   return found->datatype;
 }
 
-/// What a subscriber that takes any message finds.
+/// What a subscriber that takes messages of any type has found.
 struct Probe {
   bool connected = false;
   std::string md5sum;  // empty if no message came
@@ -73,10 +73,11 @@ std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTop
   if (!type) return "'" + expected.name + "' has no publisher";
   if (*type != expected.datatype)
     return "'" + expected.name + "' is published as " + *type + ", must be " + expected.datatype;
-  // It may have come just now.
+  // The publisher may have come just now.
   if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
     return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";
-  // A subscriber for any type would share the connection of one that is there for this type.
+  // A subscriber for any type would share the connection of an existing one for this type, which is
+  // the one that does not come about.
   subscriber.shutdown();
   const Probe found = probe(node, expected.name, cancelled);
   subscriber = resubscribe();

@@ -8,8 +8,8 @@
 
 namespace usct::ros_interface {
 
-/// Why a request cannot be fulfilled, as a StatusCode and in words: thrown by what finds out,
-/// answered by whoever was asked.
+/// The reason why a request cannot be fulfilled, as a StatusCode and in words. It is thrown where
+/// the reason is found, and caught where the request is answered.
 class Refusal : public std::runtime_error {
  public:
   Refusal(std::uint8_t code, const std::string& message)
@@ -28,7 +28,7 @@ class Refusal : public std::runtime_error {
   std::uint8_t code_;
 };
 
-/// "LOW_CONFIDENCE" and so on, as in StatusCode.msg.
+/// The name of a code as in StatusCode.msg, like "LOW_CONFIDENCE".
 std::string code_name(std::uint8_t code);
 
 }  // namespace usct::ros_interface

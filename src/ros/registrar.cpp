@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/registration_result.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
@@ -33,7 +34,7 @@ void refuse(const msg::StatusCode& status, msg::RegistrationResult& result) {
 
 }  // namespace
 
-/// What a registration needs; filled from top to bottom, as far as it exists.
+/// Inputs of a registration, filled from top to bottom as far as they exist.
 struct Registrar::Inputs {
   Chosen chosen;
   std::shared_ptr<const HeldCt> ct;

@@ -45,8 +45,8 @@ struct RegistrarOptions {
   ProbeDirection probe_direction;
 };
 
-/// Turns a request into a result: collects what it needs, registers, and says why where it cannot.
-/// It uses volumes and alignments of others, who outlive it.
+/// Turns a request into a result: collects the inputs, registers, and explains a refusal. It refers
+/// to volumes and alignments of other objects, which must outlive it.
 class Registrar {
  public:
   /// Throws InputError, naming `source`, if the options are invalid.

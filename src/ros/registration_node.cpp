@@ -1,11 +1,12 @@
 #include "ros/registration_node.h"
 
-#include <omp.h>
-
 #include <future>
+#include <memory>
+#include <optional>
 
 #include "ros/publisher_check.h"
 #include "ros/refusal.h"
+#include "ros/status.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -13,7 +14,8 @@ namespace {
 namespace msg = us_ct_registration;
 using Status = msg::StatusCode;
 
-/// A request that waits takes one; the others hear cancels and take volumes.
+/// A service call that waits for its registration blocks one thread; the others receive cancels and
+/// volumes.
 constexpr unsigned kCallbackThreads = 4;
 
 ::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueue& queue) {
@@ -37,14 +39,14 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
       tf_listener_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
-      volumes_(frame_, parameters_.volumes, [this] { wake(); }),
+      volumes_(frame_, parameters_.volumes, [this] { jobs_.wake(); }),
       registrar_(parameters_.registrar, volumes_, alignments_, frame_, parameters_.source),
       result_publisher_(node_.advertise<Result>("registration/result", 1, true)),
       action_(
           node_, "register_with_options", [this](auto goal) { on_goal(goal); },
           [this](auto goal) { on_cancel(goal); }, false),
       updater_(node_, private_node, private_node.getNamespace()),
-      worker_([this] { work(); }),
+      worker_(jobs_, work()),
       spinner_(kCallbackThreads, &queue_) {
   updater_.setHardwareID("none");
   updater_.add("registration", this, &RegistrationNode::diagnose);
@@ -57,14 +59,17 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
 }
 
 RegistrationNode::~RegistrationNode() {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    stopping_ = true;
-    if (running_) running_->cancelled = true;
-  }
-  wake_.notify_all();
-  worker_.join();
-  spinner_.stop();
+  // The members' destructors begin with the spinner, which waits for its callbacks. A callback may
+  // be waiting for a registration, so that has to be cancelled before.
+  jobs_.stop();
+}
+
+RegistrationWorker::Work RegistrationNode::work() {
+  RegistrationWorker::Work wired;
+  wired.threads = parameters_.threads;
+  if (parameters_.continuous) wired.newest = [this] { return volumes_.ready_ultrasound(); };
+  wired.run = [this](RegistrationJob& job) { return run(job); };
+  return wired;
 }
 
 void RegistrationNode::subscribe() {
@@ -91,42 +96,18 @@ void RegistrationNode::subscribe() {
 }
 
 bool RegistrationNode::reserve(const std::string& name, Result& busy) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!reserved_.empty() || stopping_) {
-    busy.status.code = Status::BUSY;
-    busy.status.message = stopping_ ? "the node is shutting down"
-                                    : "one registration at a time; this one runs: " + reserved_;
-    return false;
-  }
-  reserved_ = name;
-  // Who asks goes before what nobody waits for.
-  if (running_ && !running_->done) running_->cancelled = true;
-  return true;
-}
-
-std::shared_ptr<RegistrationNode::Job> RegistrationNode::make_job(const std::string& name) const {
-  auto job = std::make_shared<Job>();
-  job->name = name;
-  job->request.cancelled = [flag = &job->cancelled] { return flag->load(); };
-  job->request.progress = [](double, const std::string&) {};
-  return job;
-}
-
-void RegistrationNode::start(const std::shared_ptr<Job>& job) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    pending_ = job;
-  }
-  wake_.notify_all();
+  const std::optional<std::string> reason = jobs_.reserve(name);
+  if (reason) busy.status = status(Status::BUSY, *reason);
+  return !reason;
 }
 
 bool RegistrationNode::on_register(msg::Register::Request&, msg::Register::Response& response) {
   const std::string name = "service '" + node_.resolveName("register") + "'";
   if (reserve(name, response.result)) {
     std::promise<Result> promise;
-    const auto job = make_job(name);
+    const auto job = std::make_shared<RegistrationJob>(name);
     job->done = [&promise](const Result& result) { promise.set_value(result); };
-    start(job);
+    jobs_.put(job);
     response.result = promise.get_future().get();
   }
   response.success = response.result.status.code == Status::REGISTERED;
@@ -136,17 +117,12 @@ bool RegistrationNode::on_register(msg::Register::Request&, msg::Register::Respo
 
 bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Request& request,
                                                 msg::SetInitialAlignment::Response& response) {
-  const auto stopping = [this] {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return stopping_;
-  };
+  const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
     response.residual = alignments_.set(
         request, ::ros::Time::now(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
-    response.status.code = Status::OK;
-    response.status.message = "registrations start from it";
-    if (request.type == msg::SetInitialAlignment::Request::CLEAR)
-      response.status.message = "cleared";
+    const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
+    response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
   }
@@ -161,7 +137,7 @@ void RegistrationNode::on_goal(ActionServer::GoalHandle goal) {
     return;
   }
   goal.setAccepted();
-  const auto job = make_job(name);
+  const auto job = std::make_shared<RegistrationJob>(name);
   job->goal_id = goal.getGoalID().id;
   job->request.preset = goal.getGoal()->preset;
   job->request.options = goal.getGoal()->options;
@@ -183,67 +159,23 @@ void RegistrationNode::on_goal(ActionServer::GoalHandle goal) {
     else
       goal.setAborted(ended, result.status.message);
   };
-  start(job);
+  jobs_.put(job);
 }
 
 void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {
-  const std::string id = goal.getGoalID().id;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  for (const std::shared_ptr<Job>& job : {pending_, running_})
-    if (job && job->goal_id == id) job->cancelled = true;
+  jobs_.cancel(goal.getGoalID().id);
 }
 
-void RegistrationNode::wake() {
-  // Whoever is about to wait has the mutex until they do.
-  { const std::lock_guard<std::mutex> lock(mutex_); }
-  wake_.notify_all();
+RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
+  Result result = registrar_.run(job.request);
+  if (!job.is_continuous()) explain_nothing(job, result);
+  // A continuous registration is cancelled by a request: nobody asked for its result.
+  if (!job.is_continuous() || result.status.code != Status::CANCELLED)
+    publish(result, job.is_continuous());
+  return result;
 }
 
-std::shared_ptr<RegistrationNode::Job> RegistrationNode::next_job() {
-  if (pending_) return std::move(pending_);
-  if (!parameters_.continuous || !reserved_.empty()) return nullptr;
-  const HeldVolumes::Ready ready = volumes_.ready_ultrasound();
-  if (ready.number == continued_) return nullptr;
-  continued_ = ready.number;
-  const auto job = make_job("continuous");
-  job->request.us_stamp = ready.stamp;
-  return job;
-}
-
-void RegistrationNode::work() {
-  if (parameters_.threads > 0) omp_set_num_threads(parameters_.threads);
-  std::unique_lock<std::mutex> lock(mutex_);
-  // Who has the place gets an answer, even then.
-  while (!stopping_ || !reserved_.empty()) {
-    const std::shared_ptr<Job> job = next_job();
-    if (!job) {
-      wake_.wait(lock);
-      continue;
-    }
-    running_ = job;
-    if (stopping_) job->cancelled = true;
-    lock.unlock();
-    run(job);
-    lock.lock();
-  }
-}
-
-void RegistrationNode::run(const std::shared_ptr<Job>& job) {
-  const bool continuous = !job->done;
-  Result result = registrar_.run(job->request);
-  if (!continuous) explain_nothing(*job, result);
-  // Nobody asked for it, and somebody asked for another: no result.
-  const bool is_nothing = continuous && result.status.code == Status::CANCELLED;
-  if (!is_nothing) publish(result, continuous);
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    running_.reset();
-    if (!continuous) reserved_.clear();
-  }
-  if (!continuous) job->done(result);
-}
-
-void RegistrationNode::explain_nothing(Job& job, Result& result) {
+void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
   if (result.status.code == Status::NO_CT)
     result.status.message +=
         ": " + why_nothing_arrived(
@@ -263,13 +195,8 @@ void RegistrationNode::publish(Result& result, bool continuous) {
   result_publisher_.publish(result);
 }
 
-void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  std::string running;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (running_) running = running_->name;
-  }
-  statistics_.describe(volumes_.state(), running, ::ros::Time::now(), status);
+void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  statistics_.describe(volumes_.state(), jobs_.running(), ::ros::Time::now(), diagnosis);
 }
 
 }  // namespace usct::ros_interface

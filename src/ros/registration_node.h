@@ -8,24 +8,23 @@
 #include <us_ct_registration/Register.h>
 #include <us_ct_registration/RegisterAction.h>
 
-#include <atomic>
-#include <condition_variable>
-#include <memory>
-#include <mutex>
+#include <cstdint>
 #include <string>
-#include <thread>
 
 #include "ros/registrar.h"
 #include "ros/registration_parameters.h"
+#include "ros/registration_queue.h"
 #include "ros/registration_statistics.h"
+#include "ros/registration_worker.h"
 
 namespace usct::ros_interface {
 
 /// Registers the CT to ultrasound on request (service, action) or with each new volume: wires
-/// topics and services to HeldVolumes, InitialAlignments and Registrar. docs/nodes/registration.md.
+/// topics, services and the action to HeldVolumes, InitialAlignments, Registrar and
+/// RegistrationWorker. docs/nodes/registration.md.
 ///
-/// Callbacks come on threads of its own: a caller who waits for a registration holds up no other
-/// nodelet. One thread registers, one registration at a time.
+/// The node has its own callback threads, so that a caller who waits for a registration holds up no
+/// other nodelet.
 class RegistrationNode {
  public:
   RegistrationNode(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
@@ -36,15 +35,6 @@ class RegistrationNode {
  private:
   using Result = us_ct_registration::RegistrationResult;
   using ActionServer = actionlib::ActionServer<us_ct_registration::RegisterAction>;
-
-  struct Job {
-    std::string name;
-    RegistrationRequest request;
-    std::atomic<bool> cancelled{false};
-    /// Empty for continuous registrations: nobody waits.
-    std::function<void(const Result&)> done;
-    std::string goal_id;
-  };
 
   void subscribe();
   ::ros::Subscriber subscribe_ct();
@@ -57,18 +47,15 @@ class RegistrationNode {
   void on_goal(ActionServer::GoalHandle goal);
   void on_cancel(ActionServer::GoalHandle goal);
 
-  /// Takes the only place for a request; false, with a result that says so, if it is taken.
+  /// Reserves the place for a request; false, with a result that says why, if it is taken.
   bool reserve(const std::string& name, Result& busy);
-  std::shared_ptr<Job> make_job(const std::string& name) const;
-  void start(const std::shared_ptr<Job>& job);
-
-  void work();
-  std::shared_ptr<Job> next_job();
-  void run(const std::shared_ptr<Job>& job);
-  void explain_nothing(Job& job, Result& result);
+  /// Tells the worker how many threads it has, what to register and how.
+  RegistrationWorker::Work work();
+  Result run(RegistrationJob& job);
+  /// If the result is a refusal for want of a volume, adds the reason why none has come.
+  void explain_nothing(const RegistrationJob& job, Result& result);
   void publish(Result& result, bool continuous);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void wake();
 
   ::ros::CallbackQueue queue_;
   ::ros::NodeHandle node_;
@@ -79,13 +66,7 @@ class RegistrationNode {
   InitialAlignments alignments_;
   RegistrationStatistics statistics_;
 
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool stopping_ = false;
-  std::string reserved_;          // name of the request that waits or runs; empty: none
-  std::shared_ptr<Job> pending_;  // has the place, waits to be run
-  std::shared_ptr<Job> running_;
-  std::uint64_t continued_ = 0;  // the ultrasound that was last registered continuously
+  RegistrationQueue jobs_;
   std::uint32_t last_id_ = 0;
 
   HeldVolumes volumes_;
@@ -99,7 +80,9 @@ class RegistrationNode {
   ActionServer action_;
   diagnostic_updater::Updater updater_;
   ::ros::WallTimer diagnostics_timer_;
-  std::thread worker_;
+  // The threads are the last members: they start once all else exists and end before anything is
+  // destroyed, also if the constructor throws.
+  RegistrationWorker worker_;
   ::ros::AsyncSpinner spinner_;
 };
 

@@ -3,7 +3,7 @@
 #include <limits>
 #include <sstream>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
 

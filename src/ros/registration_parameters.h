@@ -12,7 +12,7 @@
 
 namespace usct::ros_interface {
 
-/// Of the registration node; config/nodes/registration.yaml explains each.
+/// Parameters of the registration node; config/nodes/registration.yaml explains each.
 struct RegistrationParameters {
   FixedFrameOptions frame;
   HeldVolumesOptions volumes;

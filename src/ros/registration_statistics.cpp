@@ -9,7 +9,7 @@ using Status = us_ct_registration::StatusCode;
 using diagnostic_msgs::DiagnosticStatus;
 using diagnostic_updater::DiagnosticStatusWrapper;
 
-/// The rate is that of the last so many seconds.
+/// The rate is taken over this time.
 constexpr std::chrono::seconds kRateWindow(10);
 
 std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {

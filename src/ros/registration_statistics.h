@@ -14,14 +14,15 @@
 
 namespace usct::ros_interface {
 
-/// What became of registrations so far, for diagnostics. May be called from any thread.
+/// Counts how registrations ended, for diagnostics. May be called from any thread.
 class RegistrationStatistics {
  public:
-  /// `continuous`: not asked for by anyone.
+  /// `continuous`: whether the registration was run without a request.
   void count(const us_ct_registration::RegistrationResult& result, bool continuous,
              const ::ros::Time& now);
 
-  /// Summary and values; `running` says what runs, empty: nothing.
+  /// Fills summary and values. `running` is the name of the registration that runs, empty if none
+  /// does.
   void describe(const HeldState& held, const std::string& running, const ::ros::Time& now,
                 diagnostic_updater::DiagnosticStatusWrapper& status) const;
 

@@ -6,7 +6,7 @@
 
 namespace usct::ros_interface {
 
-/// An answer in one expression.
+/// Makes an answer in one expression.
 inline us_ct_registration::StatusCode status(std::uint8_t code, const std::string& message) {
   us_ct_registration::StatusCode answer;
   answer.code = code;

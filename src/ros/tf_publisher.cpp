@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
-#include "ros/alignment_file.h"
+#include "ros/conversions/alignment.h"
+#include "ros/conversions/times.h"
 #include "ros/parameters.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/results/alignment_file.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -13,16 +15,12 @@ namespace {
 namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
 
-const char* name_of(std::uint8_t state) {
-  switch (state) {
-    case msg::Alignment::ACCEPTED:
-      return "accepted";
-    case msg::Alignment::RESTORED:
-      return "restored";
-    default:
-      return "none";
-  }
+const char* name_of(const AlignmentState& state) {
+  if (!state.broadcast) return "none";
+  return state.broadcast->restored ? "restored" : "accepted";
 }
+
+std::int64_t now_ns() { return nanoseconds_from(::ros::Time::now()); }
 
 }  // namespace
 
@@ -52,9 +50,8 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   publish_alignment();
   accept_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
       "registration/accept", [this](Decide::Request& request, Decide::Response& response) {
-        return decide(
-            [&](AlignmentDecisions& d) { return d.accept(request.result_id, ::ros::Time::now()); },
-            response);
+        return decide([&](AlignmentDecisions& d) { return d.accept(request.result_id, now_ns()); },
+                      response);
       });
   reject_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
       "registration/reject", [this](Decide::Request& request, Decide::Response& response) {
@@ -68,7 +65,8 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   result_subscriber_ = node_.subscribe("registration/result", 10, &TfPublisher::on_result, this);
   broadcast_timer_ = node_.createTimer(::ros::Duration(1.0 / rate_hz),
                                        [this](const ::ros::TimerEvent&) { broadcast(); });
-  // Where simulated time stands still (a bag has ended), who comes late gets the transform as well.
+  // The timer above follows simulated time, which stands still once a bag has ended: subscribers
+  // that come later must get the transform as well.
   still_clock_timer_ = node_.createWallTimer(::ros::WallDuration(1.0),
                                              [this](const ::ros::WallTimerEvent&) { broadcast(); });
   diagnostics_timer_ =
@@ -79,29 +77,26 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
 void TfPublisher::restore() {
   if (alignment_file_.empty()) return;
   try {
-    const msg::StatusCode answer = decisions_.restore(read_alignment(alignment_file_));
-    if (answer.code == Code::OK) return;
+    const DecisionAnswer answer = decisions_.restore(read_alignment(alignment_file_));
+    if (answer.is_done()) return;
     file_error_ = answer.message;
   } catch (const std::exception& error) {
     file_error_ = error.what();
   }
-  // The node starts: without it, nothing new could be accepted either.
+  // The node starts all the same: else nothing new could be accepted either.
   ROS_ERROR("alignment_file: %s", file_error_.c_str());
 }
 
 void TfPublisher::store(const StoredAlignment& changed) {
-  const StoredAlignment before = decisions_.stored();
-  if (alignment_file_.empty() ||
-      (changed.decided == before.decided && changed.alignment == before.alignment))
-    return;
+  if (alignment_file_.empty() || changed == decisions_.stored()) return;
   write_alignment(changed, alignment_file_);
   file_error_.clear();
 }
 
 msg::StatusCode TfPublisher::apply(const Change& change) {
   AlignmentDecisions changed = decisions_;
-  msg::StatusCode answer = change(changed);
-  if (answer.code != Code::OK) return answer;
+  const DecisionAnswer answer = change(changed);
+  if (!answer.is_done()) return to_message(answer);
   try {
     store(changed.stored());
   } catch (const std::exception& error) {
@@ -111,14 +106,15 @@ msg::StatusCode TfPublisher::apply(const Change& change) {
   }
   decisions_ = changed;
   last_refusal_.clear();
-  return answer;
+  return to_message(answer);
 }
 
 void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    const OfferedResult offered = from_message(*result);
     const msg::StatusCode answer =
-        apply([&](AlignmentDecisions& d) { return d.offer(*result, ::ros::Time::now()); });
+        apply([&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); });
     if (answer.code != Code::OK && answer.code != Code::NOTHING_TO_DECIDE) {
       last_refusal_ = answer.message;
       ROS_WARN("%s", answer.message.c_str());
@@ -133,9 +129,9 @@ void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
 void TfPublisher::on_ct(const msg::CtInfoConstPtr& info) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const std::string before = decisions_.alignment().message;
+    const std::string before = decisions_.state().message;
     decisions_.hold_ct(info->crc32);
-    const std::string now = decisions_.alignment().message;
+    const std::string now = decisions_.state().message;
     if (now != before) ROS_WARN("CT with revision %u: %s", info->revision, now.c_str());
     publish_alignment();
   }
@@ -153,7 +149,9 @@ bool TfPublisher::decide(const Change& change, Decide::Response& response) {
   return true;
 }
 
-void TfPublisher::publish_alignment() { alignment_publisher_.publish(decisions_.alignment()); }
+void TfPublisher::publish_alignment() {
+  alignment_publisher_.publish(to_message(decisions_.state()));
+}
 
 void TfPublisher::broadcast() {
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -164,42 +162,42 @@ void TfPublisher::broadcast() {
     last_stamp_ = ::ros::Time();
   }
   last_now_ = now;
-  const msg::Alignment alignment = decisions_.alignment();
-  if (alignment.state == msg::Alignment::NONE) return;
+  const std::optional<Alignment> alignment = decisions_.state().broadcast;
+  if (!alignment) return;
   geometry_msgs::TransformStamped transform;
-  // tf drops a second transform of the same stamp, which would be the newer one while time stands.
+  // tf drops a second transform with the same stamp, so that a new alignment would be lost while
+  // simulated time stands still.
   const ::ros::Time next(last_stamp_.sec, last_stamp_.nsec + 1);
   transform.header.stamp = last_stamp_ = std::max(now + transform_tolerance_, next);
-  transform.header.frame_id = alignment.header.frame_id;
-  transform.child_frame_id = alignment.ct_frame;
-  transform.transform = alignment.transform;
+  transform.header.frame_id = alignment->fixed_frame;
+  transform.child_frame_id = alignment->ct_frame;
+  transform.transform = to_message(alignment->T_fixed_ct);
   broadcaster_.sendTransform(transform);
 }
 
 void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
-  const msg::Alignment alignment = decisions_.alignment();
+  const AlignmentState state = decisions_.state();
+  const Alignment alignment = state.broadcast.value_or(Alignment());
+  const bool is_held_back = !state.broadcast && decisions_.stored().alignment;
   const bool is_attention =
-      alignment.state == msg::Alignment::RESTORED || alignment.waiting_id != 0 ||
-      !last_refusal_.empty() ||
-      (alignment.state == msg::Alignment::NONE && decisions_.stored().alignment);
+      alignment.restored || is_held_back || state.waiting_id != 0 || !last_refusal_.empty();
   if (!file_error_.empty())
     diagnosis.summary(DiagnosticStatus::ERROR, "alignment_file: " + file_error_);
   else
-    diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK,
-                      alignment.message);
-  diagnosis.add("state", name_of(alignment.state));
-  diagnosis.add("fixed frame", alignment.header.frame_id);
+    diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK, state.message);
+  diagnosis.add("state", name_of(state));
+  diagnosis.add("fixed frame", alignment.fixed_frame);
   diagnosis.add("CT frame", alignment.ct_frame);
-  if (alignment.state != msg::Alignment::NONE) {
+  if (state.broadcast) {
     const ::ros::Time now = ::ros::Time::now();
-    diagnosis.add("age of the ultrasound (s)", (now - alignment.header.stamp).toSec());
-    diagnosis.add("accepted since (s)", (now - alignment.accepted).toSec());
-    diagnosis.add("expected error (mm)", 1000.0 * alignment.expected_error);
+    diagnosis.add("age of the ultrasound (s)", (now - time_from(alignment.us_stamp_ns)).toSec());
+    diagnosis.add("accepted since (s)", (now - time_from(alignment.accepted_ns)).toSec());
+    diagnosis.add("expected error (mm)", 1000.0 * alignment.expected_error_m);
   }
   diagnosis.add("result", alignment.result_id);
-  diagnosis.add("waiting result", alignment.waiting_id);
+  diagnosis.add("waiting result", state.waiting_id);
   diagnosis.add("alignments to go back to", decisions_.history());
   diagnosis.add("last refusal", last_refusal_);
 }

@@ -11,33 +11,34 @@
 #include <mutex>
 #include <string>
 
-#include "ros/alignment_decisions.h"
+#include "us_ct_registration/registration/alignment_decisions.h"
 
 namespace usct::ros_interface {
 
-/// Broadcasts the accepted registration, fixed frame -> CT frame; docs/nodes/tf_publisher.md.
+/// Broadcasts the accepted registration as the transform from fixed frame to CT frame.
+/// docs/nodes/tf_publisher.md.
 class TfPublisher {
  public:
   TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
 
  private:
   using Decide = us_ct_registration::Decide;
-  using Change = std::function<us_ct_registration::StatusCode(AlignmentDecisions&)>;
+  using Change = std::function<DecisionAnswer(AlignmentDecisions&)>;
 
   void restore();
-  /// If there is something new to keep.
+  /// Writes the file, if there is something new to keep. Throws what the file throws.
   void store(const StoredAlignment& changed);
   void on_result(const us_ct_registration::RegistrationResultConstPtr& result);
   void on_ct(const us_ct_registration::CtInfoConstPtr& info);
   bool decide(const Change& change, Decide::Response& response);
-  /// All or nothing: what cannot be stored does not count.
+  /// Makes a change, or none: a decision that cannot be stored does not count.
   us_ct_registration::StatusCode apply(const Change& change);
   void publish_alignment();
   void broadcast();
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
   ::ros::NodeHandle node_;
-  std::mutex mutex_;  // holds for all below
+  std::mutex mutex_;  // guards what follows, up to file_error_
   AlignmentDecisions decisions_{{}};
   std::string alignment_file_;
   ::ros::Duration transform_tolerance_;

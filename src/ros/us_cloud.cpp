@@ -1,119 +1,16 @@
 #include "ros/us_cloud.h"
 
-#include <sensor_msgs/point_cloud2_iterator.h>
-
-#include <algorithm>
-#include <cmath>
-
-#include "ros/conversions.h"
+#include "ros/conversions/alignment.h"
+#include "ros/conversions/clouds.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/geometry/beam_grid.h"
-#include "us_ct_registration/ultrasound/decimation.h"
-#include "us_ct_registration/volume/sampling.h"
 
 namespace usct::ros_interface {
-namespace {
 
 namespace msg = us_ct_registration;
-
-void add_line(const PreScanVolume& volume, const BeamGrid& beams, int frame, int line, int step,
-              std::vector<CloudPoint>& points) {
-  for (int sample = 0; sample < beams.samples(); sample += step)
-    points.push_back(
-        {beams.point(frame, line, sample), static_cast<float>(volume.at(sample, line, frame))});
-}
-
-}  // namespace
-
-Eigen::Isometry3d T_us_acquired(const ScanGeometry& geometry) {
-  const auto* tracked = std::get_if<TrackedSweep>(&geometry.motion);
-  if (tracked == nullptr || tracked->T_us_frame.empty()) return Eigen::Isometry3d::Identity();
-  return tracked->T_us_frame[tracked->T_us_frame.size() / 2];
-}
-
-Eigen::Isometry3d T_us_field(const ScanGeometry& geometry) {
-  const BeamGrid beams = beam_grid(geometry);
-  Eigen::Isometry3d T = T_us_acquired(geometry);
-  T.translation() = beams.point(beams.frames / 2, beams.lines / 2, beams.samples() / 2);
-  return T;
-}
-
-std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm) {
-  const BeamGrid beams = beam_grid(volume.geometry);
-  const int step =
-      std::max(1, static_cast<int>(std::ceil(spacing_mm / volume.geometry.axial.spacing_mm)));
-  std::vector<CloudPoint> points;
-  for (int line = 0; line < beams.lines; ++line)
-    add_line(volume, beams, beams.frames / 2, line, step, points);
-  for (int frame = 0; frame < beams.frames; ++frame)
-    if (frame != beams.frames / 2) add_line(volume, beams, frame, beams.lines / 2, step, points);
-  return points;
-}
-
-std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm) {
-  const BeamUltrasound recorded = along_beams(volume);
-  const BeamUltrasound us = decimate(recorded, factors_for_spacing(recorded.beams, spacing_mm));
-  std::vector<CloudPoint> points;
-  points.reserve(us.brightness.size());
-  for (int frame = 0; frame < us.beams.frames; ++frame)
-    for (int line = 0; line < us.beams.lines; ++line)
-      for (int sample = 0; sample < us.beams.samples(); ++sample)
-        points.push_back({us.beams.point(frame, line, sample), us.brightness[points.size()]});
-  return points;
-}
-
-std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,
-                              const Eigen::Isometry3d& T_ct_points) {
-  std::vector<CloudPoint> result;
-  for (const CloudPoint& point : points) {
-    const Eigen::Vector3d index = ct.grid.index_from_physical(T_ct_points * point.p_mm);
-    if (!contains_index(ct.grid, index)) continue;
-    result.push_back(
-        {point.p_mm, sample_at_index(ct, index, Interpolation::kTrilinear, Outside::edge())});
-  }
-  return result;
-}
-
-sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
-                                    const std_msgs::Header& header) {
-  sensor_msgs::PointCloud2 cloud;
-  cloud.header = header;
-  cloud.height = 1;
-  cloud.is_dense = true;
-  sensor_msgs::PointCloud2Modifier modifier(cloud);
-  constexpr auto kFloat = sensor_msgs::PointField::FLOAT32;
-  modifier.setPointCloud2Fields(4, "x", 1, kFloat, "y", 1, kFloat, "z", 1, kFloat, "intensity", 1,
-                                kFloat);
-  modifier.resize(points.size());
-  sensor_msgs::PointCloud2Iterator<float> value(cloud, "x");
-  for (const CloudPoint& point : points) {
-    const Eigen::Vector3d p_m = point.p_mm / kMmPerM;
-    for (int axis = 0; axis < 3; ++axis) value[axis] = static_cast<float>(p_m[axis]);
-    value[3] = point.intensity;
-    ++value;
-  }
-  return cloud;
-}
-
-visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
-                                       const msg::Alignment& alignment, double alpha) {
-  visualization_msgs::MarkerArray result;
-  if (alignment.state == msg::Alignment::NONE) {
-    result.markers.resize(1);
-    result.markers[0].action = visualization_msgs::Marker::DELETEALL;
-    return result;
-  }
-  result = surfaces_ct;
-  const geometry_msgs::Pose pose =
-      to_pose_message(from_message_mm(alignment.transform, "registration/alignment"));
-  for (visualization_msgs::Marker& marker : result.markers) {
-    marker.header.frame_id = alignment.header.frame_id;
-    marker.pose = pose;
-    marker.color.a = static_cast<float>(alpha);
-  }
-  return result;
-}
 
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), tf_listener_(tf_, node_) {
@@ -138,26 +35,29 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
       node_.subscribe("registration/alignment", 1, &UsCloud::take_alignment, this);
 }
 
+void UsCloud::move_to_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header,
+                                  const std::vector<std::vector<CloudPoint>*>& clouds) {
+  const geometry_msgs::TransformStamped fixed_us =
+      tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
+  const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
+  for (std::vector<CloudPoint>* points : clouds)
+    for (CloudPoint& point : *points) point.p_mm = T_fixed_us * point.p_mm;
+  header.frame_id = fixed_frame_;
+  geometry_msgs::TransformStamped acquired = fixed_us;
+  acquired.child_frame_id = acquired_frame_;
+  acquired.transform = to_message(T_fixed_us * T_us_acquired(geometry));
+  geometry_msgs::TransformStamped field = fixed_us;
+  field.child_frame_id = field_frame_;
+  field.transform = to_message(T_fixed_us * T_us_field(geometry));
+  broadcaster_.sendTransform({acquired, field});
+}
+
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
   std::vector<CloudPoint> fans = crossed_fans(us, spacing_mm_);
   std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
   std_msgs::Header header = message->header;
-  if (!fixed_frame_.empty()) {
-    const geometry_msgs::TransformStamped fixed_us =
-        tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
-    const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
-    for (std::vector<CloudPoint>* points : {&fans, &whole})
-      for (CloudPoint& point : *points) point.p_mm = T_fixed_us * point.p_mm;
-    header.frame_id = fixed_frame_;
-    geometry_msgs::TransformStamped acquired = fixed_us;
-    acquired.child_frame_id = acquired_frame_;
-    acquired.transform = to_message(T_fixed_us * T_us_acquired(us.geometry));
-    geometry_msgs::TransformStamped field = fixed_us;
-    field.child_frame_id = field_frame_;
-    field.transform = to_message(T_fixed_us * T_us_field(us.geometry));
-    broadcaster_.sendTransform({acquired, field});
-  }
+  if (!fixed_frame_.empty()) move_to_fixed_frame(us.geometry, header, {&fans, &whole});
   us_publisher_.publish(to_message(fans, header));
   volume_publisher_.publish(to_message(whole, header));
   {
@@ -185,9 +85,15 @@ void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
 }
 
 void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
+  Placement placement{message->header.frame_id, std::nullopt};
+  try {
+    placement.T_fixed_ct = T_fixed_ct_from(*message);
+  } catch (const InputError& error) {
+    ROS_ERROR("%s", error.what());
+  }
   {
     const std::lock_guard lock(mutex_);
-    alignment_ = message;
+    placement_ = std::move(placement);
   }
   show_ct();
 }
@@ -200,20 +106,16 @@ void UsCloud::take_surface(const visualization_msgs::MarkerArrayConstPtr& messag
   show_ct();
 }
 
-void UsCloud::show_ct() try {
+void UsCloud::show_ct() {
   const std::lock_guard lock(mutex_);
-  if (surface_ && alignment_)
-    surface_publisher_.publish(placed(*surface_, *alignment_, surface_alpha_));
+  if (surface_ && placement_)
+    surface_publisher_.publish(
+        placed(*surface_, placement_->fixed_frame, placement_->T_fixed_ct, surface_alpha_));
   if (fans_.empty()) return;
   std::vector<CloudPoint> points;
-  if (ct_ && alignment_ && alignment_->state != msg::Alignment::NONE &&
-      alignment_->header.frame_id == header_.frame_id)
-    points =
-        ct_at(fans_, *ct_,
-              from_message_mm(alignment_->transform, alignment_subscriber_.getTopic()).inverse());
+  if (ct_ && placement_ && placement_->T_fixed_ct && placement_->fixed_frame == header_.frame_id)
+    points = ct_at(fans_, *ct_, placement_->T_fixed_ct->inverse());
   ct_publisher_.publish(to_message(points, header_));
-} catch (const InputError& error) {
-  ROS_ERROR("%s", error.what());
 }
 
 }  // namespace usct::ros_interface

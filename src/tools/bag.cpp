@@ -11,12 +11,12 @@
 namespace usct::tools {
 namespace {
 
-/// Beside this program, wherever it was installed to.
+/// Path of usct_bag, which is installed in the folder of this program.
 std::filesystem::path bag_program() {
   return std::filesystem::canonical("/proc/self/exe").parent_path() / "usct_bag";
 }
 
-/// Replaces this process; returns only by throwing.
+/// Replaces this process by usct_bag. Returns only by throwing.
 [[noreturn]] void become_bag_program(std::vector<std::string> arguments) {
   const std::filesystem::path program = bag_program();
   if (!std::filesystem::exists(program))
@@ -36,7 +36,7 @@ std::filesystem::path bag_program() {
 void add_bag_command(CLI::App& app, Run& run) {
   CLI::App* bag =
       app.add_subcommand("bag", "Bags of acquisitions: makes and reads them (in builds with ROS).");
-  bag->prefix_command();  // all that follows is for the other program, --help too
+  bag->prefix_command();  // all arguments that follow are for usct_bag, --help too
   bag->set_help_flag();
   bag->callback([bag, &run] { run = [bag]() -> int { become_bag_program(bag->remaining()); }; });
 }

@@ -8,15 +8,17 @@
 
 namespace usct::tools {
 
-/// Options for ultrasound that is needed along its beams; the same in every subcommand.
+/// Command-line options for ultrasound along its beams, the same in every subcommand that uses
+/// them.
 class BeamCommandOptions {
  public:
-  /// With those of UltrasoundOptions.
+  /// Adds these options and those of UltrasoundOptions.
   void add_to(CLI::App& command);
 
-  /// Reads it; warnings go to standard error.
+  /// Reads the ultrasound; warnings go to standard error.
   Ultrasound read(const std::string& path) const;
-  /// Throws InputError, naming the option, for one that does not suit the ultrasound.
+  /// The beams of the ultrasound. Throws InputError, naming the option, if an option does not suit
+  /// the kind of ultrasound.
   UltrasoundBeams beams(const Ultrasound& ultrasound, bool quiet) const;
   const CompoundOptions& compounding() const { return ultrasound_.compounding(); }
 

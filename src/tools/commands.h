@@ -21,8 +21,8 @@ void add_register_command(CLI::App& app, Run& run);
 void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
 void add_study_command(CLI::App& app, Run& run);
-/// Hands over to the program usct_bag (ros/), so that nothing else loads ROS' libraries, which
-/// takes 20 ms. In a build without ROS it says so.
+/// Runs the program usct_bag (ros/) in place of this one, so that other subcommands do not load the
+/// libraries of ROS, which takes 20 ms. In a build without ROS the subcommand only says so.
 void add_bag_command(CLI::App& app, Run& run);
 
 }  // namespace usct::tools

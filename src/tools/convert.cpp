@@ -8,7 +8,7 @@
 #include "inputs.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/file_kind.h"
+#include "us_ct_registration/io/formats.h"
 #include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
@@ -62,7 +62,7 @@ void convert_volume(const Volume<T>& volume, const ConvertOptions& options) {
     write_volume(options.reorient ? reorient_to_axes(volume) : volume, options.output);
 }
 
-/// In the type that holds the stored values.
+/// Converts in the type of voxel that the file stores, or the closest one that can be written.
 void convert_volume_file(const ConvertOptions& options) {
   const std::string component = read_volume_info(options.input).component;
   if (component == "uint8")
@@ -75,43 +75,40 @@ void convert_volume_file(const ConvertOptions& options) {
     convert_volume(read_volume<std::int16_t>(options.input), options);
 }
 
-void convert_transform(FileKind kind, const ConvertOptions& options) {
-  if (kind == FileKind::kTransform) {
-    write_T_us_ct(read_T_us_ct(options.input), options.output);
-    return;
-  }
-  const RegistrationResult result = read_result(options.input);
+/// The transform of a registered result. Throws InputError for any other result.
+Eigen::Isometry3d transform_of_result(const std::string& path) {
+  const RegistrationResult result = read_result(path);
   if (!result.T_us_ct)
-    throw InputError(options.input, std::string("holds no transform: its status is '") +
-                                        status_name(result.status) + "' (" + result.message + ")");
-  write_T_us_ct(*result.T_us_ct, options.output);
+    throw InputError(path, std::string("holds no transform: its status is '") +
+                               status_name(result.status) + "' (" + result.message + ")");
+  return *result.T_us_ct;
 }
 
 int run_convert(const ConvertOptions& options) {
-  const FileKind kind = detect_file_kind(options.input);
-  switch (kind) {
-    case FileKind::kDicom:
+  const FileFormat& format = detect_format(options.input);
+  check_ultrasound_options(options.ultrasound.input.source(options.input), format);
+  switch (format.content) {
+    case FileContent::kCtSeries:
       convert_volume(read_ct_with_warnings(options.input, options.dicom,
                                            progress_bar("reading", options.quiet)),
                      options);
       break;
-    case FileKind::kVolume:
+    case FileContent::kVolume:
       convert_volume_file(options);
       break;
-    case FileKind::kPreScan:
-    case FileKind::kIgsio:
-    case FileKind::kUltrasonix:
-    case FileKind::kPropello:
+    case FileContent::kUltrasound:
       convert_ultrasound(options.input, options.output, options.ultrasound, options.quiet);
       break;
-    case FileKind::kTransform:
-    case FileKind::kResult:
-      convert_transform(kind, options);
+    case FileContent::kTransform:
+      write_T_us_ct(read_T_us_ct(options.input), options.output);
       break;
-    case FileKind::kPoints:
-    case FileKind::kProbe:
-      throw InputError(options.input, "is a " + file_kind_name(kind) +
-                                          ", which has one format only: nothing to convert");
+    case FileContent::kResult:
+      write_T_us_ct(transform_of_result(options.input), options.output);
+      break;
+    case FileContent::kPoints:
+    case FileContent::kProbe:
+      throw InputError(options.input,
+                       "is a " + format.name + ", which has one format only: nothing to convert");
   }
   std::printf("%s\n", options.output.c_str());
   return kDone;

@@ -7,14 +7,14 @@
 
 namespace usct::tools {
 
-/// What `usct convert` can make of ultrasound, beyond how to read it.
+/// Options of `usct convert` for ultrasound: how to read it, and what to make of it.
 struct UltrasoundConversion {
   UltrasoundOptions input;
   /// Isotropic spacing of a Cartesian result; 0 keeps the beams.
   double scan_convert_mm = 0.0;
   /// Where to write the validity mask of a Cartesian result; empty for nowhere.
   std::string mask;
-  /// Cartesian result as float, normalised over all that was scanned; kNone keeps brightness.
+  /// Unless kNone, a Cartesian result is written as float, normalised over the scanned region.
   Normalisation normalisation = Normalisation::kNone;
   double smoothing_mm = ConditioningOptions{}.smoothing_mm;
   double window_mm = ConditioningOptions{}.window_mm;
@@ -22,8 +22,8 @@ struct UltrasoundConversion {
   void add_to(CLI::App& command);
 };
 
-/// Writes `output` in the format of its extension. Throws InputError where that format cannot hold
-/// what the input is.
+/// Writes `output` in the format of its extension. Throws InputError if that format cannot hold the
+/// ultrasound.
 void convert_ultrasound(const std::string& input, const std::string& output,
                         const UltrasoundConversion& conversion, bool quiet);
 

@@ -23,9 +23,9 @@ struct EvaluateOptions {
 struct Evaluation {
   RegistrationResult result;
   std::size_t targets = 0;
-  std::optional<TargetErrors> errors;            // of a registered result
-  std::optional<ExpectedTargetErrors> expected;  // of one with a covariance
-  std::vector<TargetErrors> candidates;          // if asked for
+  std::optional<TargetErrors> errors;            // set if the result is registered
+  std::optional<ExpectedTargetErrors> expected;  // set if it has a covariance
+  std::vector<TargetErrors> candidates;          // filled if requested
 };
 
 Evaluation evaluate(const EvaluateOptions& options) {

@@ -1,8 +1,9 @@
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "commands.h"
-#include "describe.h"
 #include "exit_status.h"
+#include "us_ct_registration/io/formats.h"
 
 namespace usct::tools {
 namespace {
@@ -12,8 +13,19 @@ struct InfoOptions {
   bool json = false;
 };
 
-/// Six digits are enough to read; --json has all.
-std::string text_of(const nlohmann::ordered_json& value) {
+using Json = nlohmann::ordered_json;
+
+Json description_of(const std::filesystem::path& path) {
+  const FileFormat& format = detect_format(path);
+  Json json;
+  json["file"] = path.string();
+  json["kind"] = format.name;
+  json.update(Json::parse(format.describe(path)));
+  return json;
+}
+
+/// A value for people, with six digits; --json prints all digits.
+std::string text_of(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_number_float()) {
     char text[32];
@@ -26,8 +38,9 @@ std::string text_of(const nlohmann::ordered_json& value) {
   return text;
 }
 
-/// One key per line; lists of values on the line, lists of objects and texts below it.
-void print(const nlohmann::ordered_json& object, int indent) {
+/// Prints one key per line. A list of numbers stands on the line of its key, a list of objects or
+/// lists below it; a list of texts repeats the key for each text.
+void print(const Json& object, int indent) {
   for (const auto& [key, value] : object.items()) {
     const std::string margin(static_cast<std::size_t>(indent), ' ');
     if (value.is_object()) {
@@ -51,9 +64,9 @@ void print(const nlohmann::ordered_json& object, int indent) {
 }
 
 int run_info(const InfoOptions& options) {
-  auto all = nlohmann::ordered_json::array();
+  auto all = Json::array();
   for (const std::string& path : options.paths) {
-    const auto description = describe(path);
+    const Json description = description_of(path);
     if (options.json)
       all.push_back(description);
     else
@@ -70,9 +83,8 @@ void add_info_command(CLI::App& app, Run& run) {
       "info",
       "Tells what a file or DICOM folder holds: kind, geometry, spacing, orientation, range, "
       "warnings. Positions are in millimetres (mm), LPS for CT (axes_run_to: L left, P posterior, "
-      "S "
-      "superior, "
-      "and R, A, I the other way); angles are degrees. Never prints a patient's identity.");
+      "S superior, and R, A, I the other way); angles are degrees. Never prints a patient's "
+      "identity.");
   auto options = std::make_shared<InfoOptions>();
   command->add_option("path", options->paths, "files or DICOM folders")->required();
   command->add_flag("--json", options->json, "print JSON, for programs");

@@ -9,7 +9,7 @@
 
 namespace usct::tools {
 
-/// Options for the pose that a registration starts from.
+/// Command-line options for the initial pose of a registration.
 class InitialPose {
  public:
   void add_to(CLI::App& command);
@@ -17,8 +17,8 @@ class InitialPose {
   bool is_given() const {
     return !transform_.empty() || !landmarks_.empty() || !probe_direction_.empty();
   }
-  /// T_us_ct. Without any option the middle of the CT lies in the middle of the ultrasound's field,
-  /// seen by a probe that looks posterior with its lateral axis to the left.
+  /// The initial T_us_ct. Without any option the centre of the CT is placed at the centre of the
+  /// ultrasound's field, for a probe that looks posterior with its lateral axis to the left.
   Eigen::Isometry3d T_us_ct(const CtVolume& ct, const BeamGrid& beams) const;
 
  private:

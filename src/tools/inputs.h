@@ -9,13 +9,13 @@
 
 namespace usct::tools {
 
-/// On standard error, one line each.
+/// Prints the warnings on standard error, one line each.
 void print_warnings(const std::vector<std::string>& warnings);
 
-/// Options for what a folder of DICOM files leaves open; the same in every subcommand.
+/// Adds the options that a folder of DICOM files may need, the same in every subcommand.
 void add_dicom_options(CLI::App& command, DicomReadOptions& options);
 
-/// A CT of any format; the reader's warnings go to standard error.
+/// Reads a CT of any format. Warnings of the reader go to standard error.
 CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options = {},
                                const Progress& progress = {});
 

@@ -14,7 +14,7 @@ namespace {
 
 using phantom::PhantomOptions;
 
-/// Options as typed; `knobs` is filled by CLI11 where the types agree.
+/// Options as given on the command line; CLI11 fills `knobs` directly where the types agree.
 struct PhantomCommand {
   PhantomOptions knobs;
   std::string scene = "agar";
@@ -36,7 +36,7 @@ struct PhantomCommand {
   bool quiet = false;
 };
 
-/// Reads "1=cortex".
+/// Parses "1=cortex".
 std::pair<int, phantom::Tissue> parse_label(const std::string& text) {
   const std::size_t equals = text.find('=');
   int label = 0;
@@ -231,7 +231,8 @@ void add_phantom_command(CLI::App& app, Run& run) {
         command->knobs.sweep.kind = phantom::parse_sweep(text, "--sweep");
       },
       "motorised, tracked-curvilinear or tracked-linear [motorised]");
-  // Before the knobs: CLI11 takes options in this order, so that knobs given as well win.
+  // The flag is declared before the knobs. CLI11 applies options in this order, so that knobs given
+  // beside the flag override it.
   sub->add_flag_callback(
       "--hard", [command] { command->knobs = phantom::made_hard(command->knobs); },
       "low contrast, weak ultrasound, bubbles, sweep and sound-speed errors, smaller field of "

@@ -12,7 +12,8 @@ struct PresetsCommand {
   bool complete = false;
 };
 
-/// The first sentence of the comment that each file begins with; it holds no other full stop.
+/// The first sentence of the comment with which each file begins; the sentence contains no full
+/// stop except its last.
 std::string title(const std::string& yaml) {
   std::string comment;
   for (std::size_t begin = 0; yaml.compare(begin, 2, "# ") == 0;) {

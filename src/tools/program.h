@@ -6,8 +6,8 @@
 
 namespace usct::tools {
 
-/// Parses the command line, which sets `run`, runs that, and reports what is thrown on standard
-/// error: the whole of a program's main(). Returns its exit status (exit_status.h).
+/// The whole of a program's main(): parses the command line, which sets `run`, calls `run`, and
+/// reports exceptions on standard error. Returns the exit status (exit_status.h).
 int run_program(CLI::App& app, const Run& run, int argc, char** argv);
 
 }  // namespace usct::tools

@@ -28,7 +28,7 @@ namespace usct::tools {
 namespace {
 
 constexpr const char* kDefaultPreset = "patient";
-/// Without an initial pose it has a chance.
+/// The preset whose search is wide enough to succeed without an initial pose.
 constexpr const char* kGlobalPreset = "global";
 
 struct RegisterCommand {
@@ -52,7 +52,7 @@ struct RegisterCommand {
   bool json = false;
 };
 
-/// What is registered, and from where.
+/// The input of a registration: the images, the initial pose and the targets.
 struct Case {
   CtVolume ct;
   Ultrasound us;
@@ -62,13 +62,11 @@ struct Case {
 };
 
 void start_from_all_orientations(RegistrationOptions& options) {
-  constexpr double kHalfTurn = kPi;
-  StageOptions& first = options.stages.front();
-  if (!first.starts)
-    throw InputError("--all-orientations",
-                     "is given, but the first stage of the options has no starts");
-  first.starts->region = StartRegion::kBall;
-  first.starts->rotation_rad = kHalfTurn;
+  std::optional<StartOptions>& starts = options.search.starts;
+  if (!starts)
+    throw InputError("--all-orientations", "is given, but the search of the options has no starts");
+  starts->region = StartRegion::kBall;
+  starts->rotation_rad = kPi;  // up to half a turn
 }
 
 RegistrationOptions options_of(const RegisterCommand& command) {
@@ -89,7 +87,7 @@ void require_initial_pose(const RegisterCommand& command) {
                    "needed with --preset global or --all-orientations");
 }
 
-/// Before the work, not after it: whether a file can be written there.
+/// Checks before the work, rather than after it, that a file can be written there.
 void require_place(const std::string& option, const std::filesystem::path& path) {
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   if (!std::filesystem::is_directory(folder))
@@ -122,8 +120,8 @@ void set_threads(const RegisterCommand& command) {
   if (command.threads > 0) omp_set_num_threads(command.threads);
 }
 
-/// Beside the ultrasound, if there is a second thread. OpenMP's number of threads is set there once
-/// more: each thread has its own.
+/// Reads the CT beside the ultrasound, if there is a second thread. That thread sets OpenMP's
+/// number of threads again, since each thread has its own.
 std::future<CtVolume> start_reading_ct(const RegisterCommand& command) {
   return std::async(command.threads == 1 ? std::launch::deferred : std::launch::async, [&command] {
     set_threads(command);
@@ -167,7 +165,7 @@ void write_pictures(const RegisterCommand& command, const Case& c,
       c.T_us_ct_initial, result, command.pictures, options);
 }
 
-/// How far `T` takes the middle of the field, and by which angle it turns.
+/// Displacement of the middle of the field by `T`, and the angle of its rotation.
 struct Motion {
   double mm;
   double degrees;
@@ -200,18 +198,12 @@ void print_candidates(const RegistrationResult& result, const Eigen::Vector3d& m
   }
 }
 
-void print_acquisition_errors(const RegistrationResult& result,
-                              const RegistrationOptions& options) {
+void print_acquisition_errors(const Measures& measures) {
   constexpr double kPercent = 100.0;
-  const auto print = [&](const char* error, double StageOptions::*limit) {
-    const auto estimated = [&](const StageOptions& stage) { return stage.*limit > 0.0; };
-    const auto it = result.options.find(error);
-    if (it != result.options.end() &&
-        std::any_of(options.stages.begin(), options.stages.end(), estimated))
-      std::printf("estimated %s: %+.2f %%\n", error, kPercent * std::atof(it->second.c_str()));
-  };
-  print("depth_error", &StageOptions::depth_error);
-  print("sweep_error", &StageOptions::sweep_error);
+  if (measures.depth_error)
+    std::printf("estimated depth error: %+.2f %%\n", kPercent * *measures.depth_error);
+  if (measures.sweep_error)
+    std::printf("estimated sweep error: %+.2f %%\n", kPercent * *measures.sweep_error);
 }
 
 void print_seconds(const std::map<std::string, double>& seconds) {
@@ -224,8 +216,8 @@ void print_seconds(const std::map<std::string, double>& seconds) {
   std::printf("\n");
 }
 
-void print_summary(const RegisterCommand& command, const RegistrationOptions& options,
-                   const Case& c, const RegistrationResult& result) {
+void print_summary(const RegisterCommand& command, const Case& c,
+                   const RegistrationResult& result) {
   const Eigen::Vector3d middle_us_mm = middle_mm(c.beams.beams);
   std::printf("status: %s\nreason: %s\n", status_name(result.status), result.message.c_str());
   std::printf("similarity: %.4f, overlap %.2f\n", result.similarity, result.overlap);
@@ -237,7 +229,7 @@ void print_summary(const RegisterCommand& command, const RegistrationOptions& op
   }
   if (!c.targets_us_mm.empty()) print_expected_errors(result, c.targets_us_mm);
   print_candidates(result, middle_us_mm);
-  print_acquisition_errors(result, options);
+  print_acquisition_errors(result.measures);
   std::printf("evaluations: %d\n", result.evaluations);
   print_seconds(result.seconds);
   std::printf("%s\n", command.output.c_str());
@@ -245,8 +237,8 @@ void print_summary(const RegisterCommand& command, const RegistrationOptions& op
     std::printf("%s\n", command.transform.c_str());
 }
 
-/// On standard error, whatever --quiet and --json: an old transform must not be taken for a new
-/// one.
+/// Warns on standard error even with --quiet and --json: an old transform must not be taken for a
+/// new one.
 void warn_of_refusal(const RegisterCommand& command, const RegistrationResult& result) {
   std::fprintf(stderr, "usct: not registered: %s (%s)\n", status_name(result.status),
                result.message.c_str());
@@ -274,7 +266,7 @@ int run_register(const RegisterCommand& command) {
   if (command.json)
     std::fputs(result_json(result).c_str(), stdout);
   else
-    print_summary(command, options, c, result);
+    print_summary(command, c, result);
   if (!is_registered(result)) warn_of_refusal(command, result);
   if (!command.pictures.empty()) write_pictures(command, c, result);
   return is_registered(result) ? kDone : kRefused;

@@ -15,7 +15,7 @@ struct Simulation {
   const ConditionedUltrasound& conditioned;
   const SimulatedComponents& components;
   const SimulatedUltrasound& simulated;
-  /// What `simulated` was fitted to.
+  /// The normalisation of the ultrasound to which `simulated` was fitted.
   Normalisation fit_to;
 };
 

@@ -9,17 +9,19 @@
 
 namespace usct::tools {
 
-/// An image of samples x lines x frames to draw: the colour of the sample at an offset.
+/// An image of samples x lines x frames, given by a function from the offset of a sample to its
+/// colour.
 struct BeamImage {
   std::string title;
   std::function<Picture::Colour(std::size_t offset)> colour;
 };
 
-/// One frame as stored: lines to the right, samples downwards, square millimetres in the middle of
-/// the depth range.
+/// One frame in index coordinates: lines to the right, samples downwards. A pixel is square in
+/// millimetres at the middle of the depth range.
 Picture beam_picture(const BeamImage& image, const BeamGrid& beams, int frame, double pixel_mm);
 
-/// One frame scan-converted in its own plane, nearest sample; dark blue beside the fan.
+/// One frame scan-converted in its own plane, with nearest-neighbour interpolation; pixels beside
+/// the fan are dark blue.
 Picture fan_picture(const BeamImage& image, const ScanGeometry& geometry, int frame,
                     double pixel_mm);
 

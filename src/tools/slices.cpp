@@ -41,7 +41,7 @@ Eigen::Vector3d centre(const SlicesOptions& options, const Grid& grid,
   return sum / static_cast<double>(points_us_mm.size());
 }
 
-/// One row of the sheet: ultrasound, CT, both blended, both as a checkerboard.
+/// One row of the figure: ultrasound, CT, both blended, and both as a checkerboard.
 std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
                          const Eigen::Isometry3d& T_us_ct, CtWindow window, const SlicePlane& plane,
                          const std::vector<Eigen::Vector3d>& points_us_mm) {

@@ -42,7 +42,7 @@ void complete(StudyCommand& command) {
     command.study.box =
         MotionBox{std::max(0.0, command.box_deg) * kDegree, std::max(0.0, command.box_mm)};
   command.study.validate("usct study");
-  // Hours of work must not be lost at the end.
+  // The folder is checked first, since hours of work must not be lost at the end.
   const std::filesystem::path folder =
       std::filesystem::absolute(command.output.empty() ? "." : command.output).parent_path();
   if (!std::filesystem::is_directory(folder))
@@ -51,8 +51,8 @@ void complete(StudyCommand& command) {
   if (!command.pictures.empty()) std::filesystem::create_directories(command.pictures);
 }
 
-/// Of the table: those that starts were spread over, or, for starts from a box, as many that hold
-/// all starts.
+/// Edges of the table's bins. They span the distances over which starts were spread or, for starts
+/// from a box, all distances that occurred.
 std::vector<double> bin_edges_mm(const StudyOptions& study, const std::vector<Trial>& trials) {
   double low_mm = study.min_displacement_mm;
   double high_mm = study.max_displacement_mm;
@@ -94,7 +94,7 @@ std::string as_text(double value) {
   return buffer.data();
 }
 
-/// What tells one study from another, for its JSON.
+/// Properties that tell one study from another, for its JSON.
 std::map<std::string, std::string> description(const StudyCommand& command) {
   std::map<std::string, std::string> study{
       {"options", command.options.empty() ? "preset " + command.preset : command.options},

@@ -11,22 +11,22 @@
 #include "io/bytes.h"
 #include "us_ct_registration/error.h"
 
-/// What the fuzz targets share. A target gives two functions: `seeds`, a few good and absurd files
-/// to start from, and `check`, which parses bytes and may throw InputError, but nothing else.
+/// The main program of the fuzz targets. A target defines two functions: `seeds`, a few good and
+/// absurd files to start from, and `check`, which parses bytes and may throw InputError only.
 ///
-/// The corpus folder is the last argument of the command line; it is made anew at the start, so
-/// that every run is the same.
+/// The corpus folder is the last argument of the command line. It is replaced at the start, so that
+/// every run is the same.
 namespace usct::fuzz {
 
 std::vector<io::Bytes> seeds();
 void check(const io::Bytes& bytes);
 
-/// A broken promise, other than a crash that the sanitizers see.
+/// Ends the run if a parsed result is wrong; sanitizers find crashes.
 inline void require(bool condition) {
   if (!condition) std::abort();
 }
 
-/// What has been accepted must go on without a refusal.
+/// Runs an action that must not refuse what the parser has accepted.
 template <typename Action>
 auto accepted(const Action& action) {
   try {
@@ -57,7 +57,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     usct::fuzz::check(usct::io::Bytes(data, data + size));
   } catch (const usct::InputError&) {
-    // Refused in words, as it should be.
+    // A refusal is right.
   }
   return 0;
 }

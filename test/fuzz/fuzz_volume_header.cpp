@@ -29,7 +29,7 @@ void check_one(VolumeHeader (*read)(const std::filesystem::path&), const io::Byt
     if (header.encoding == io::Encoding::kRaw && header.data_file == file.path())
       require(header.begin + header.skip + header.voxel_bytes() == bytes.size());
   } catch (const InputError&) {
-    // Refused in words; another reader may take it.
+    // A refusal is right, and another reader may accept the bytes.
   }
 }
 

@@ -11,7 +11,7 @@
 
 namespace usct::fuzz {
 
-/// A file that is in memory only, for readers that take a path.
+/// A file in memory with a path, for readers that open files.
 class MemoryFile {
  public:
   explicit MemoryFile(const io::Bytes& bytes) : file_(::memfd_create("fuzz", 0)) {

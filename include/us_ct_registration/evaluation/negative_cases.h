@@ -7,7 +7,7 @@
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
-/// Ultrasound and starts for which there is no right registration, so that it must be refused.
+/// Ultrasound and starts without a right registration; the registration must refuse them.
 namespace usct {
 
 /// The same acquisition with the lines of each frame in reverse order: anatomy mirrored, as by a

@@ -36,14 +36,14 @@ struct StudyCase {
 /// Throws InputError, naming the file, if one is missing or invalid, or there are several CTs.
 StudyCase read_study_case(const std::filesystem::path& folder);
 
-/// What is registered from where.
+/// The kind of a trial: which images are registered, and from which start.
 enum class TrialKind {
   kStart,       // the case, from a start near the truth
   kMismatched,  // with the CT of another case of the group
   kMirrored,    // its ultrasound mirrored
   kNoOverlap,   // from a start where CT and ultrasound lie far apart
   kNoise,       // its ultrasound replaced by speckle
-  kFarStart,    // from a start too far away for an optimizer, not for luck
+  kFarStart,    // from a start beyond the reach of an optimizer; it may succeed by chance
 };
 /// "start", "mismatched", "mirrored", "no overlap", "noise", "far start".
 const char* kind_name(TrialKind kind);
@@ -55,17 +55,18 @@ struct Trial {
   /// Indices of the cases whose ultrasound and CT these are.
   std::size_t us_case = 0;
   std::size_t ct_case = 0;
-  /// Counts the trials of one kind and case.
+  /// Number of the trial among those of its kind and case.
   int index = 0;
-  /// Of everything random in it.
+  /// Seed of all random numbers of the trial.
   std::uint64_t seed = 0;
   Eigen::Isometry3d T_us_ct_initial = Eigen::Isometry3d::Identity();
-  /// How far the targets are, on average, from where the truth, or what looks like it, puts them.
+  /// Mean distance of the targets at the start from their positions by the truth (or, for a
+  /// negative trial, by the pose that looks right).
   double displacement_mm = 0.0;
 };
 
 struct StudyOptions {
-  /// Per case, and per kind of negative trials; >= 1.
+  /// Number of trials per case, and per kind of negative trials; >= 1.
   int starts = 9;
   /// Mean displacement of the targets at the start, and over how many bins of it starts spread.
   double min_displacement_mm = 0.0;
@@ -75,7 +76,7 @@ struct StudyOptions {
   double max_rotation_rad = 0.5235987755982988;  // 30 degrees
   /// Starts from a box in place of displacements.
   std::optional<MotionBox> box;
-  /// In place of trials that can succeed: all other kinds.
+  /// Whether the study consists of negative trials (all kinds but kStart).
   bool negatives = false;
   /// Negative trials: displacements of far starts, and the gap of those that do not overlap.
   double far_min_mm = 60.0;
@@ -87,15 +88,15 @@ struct StudyOptions {
   void validate(const std::string& source = "study options") const;
 };
 
-/// All trials, case by case. A case's trials do not depend on what other cases there are, but for
-/// which CT is the mismatched one. Throws InputError if an option is invalid, there is no case, two
-/// have one name, or, for mismatched trials, a group has a single case.
+/// All trials, case by case. The trials of a case do not depend on the other cases, except for the
+/// CT of mismatched trials. Throws InputError if an option is invalid, there is no case, two cases
+/// have the same name, or, for mismatched trials, a group has a single case.
 std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyOptions& options);
 
 /// The ultrasound of a trial: of its case, mirrored, or noise.
 PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial& trial);
 
-/// One trial and what came of it.
+/// A trial and its result.
 struct StudyRun {
   Trial trial;
   std::string case_name;
@@ -107,12 +108,12 @@ struct StudyRun {
   std::optional<TargetErrors> before;
   std::optional<TargetErrors> after;
   std::vector<TargetErrors> candidates;
-  /// What an accepted result's covariance lets expect.
+  /// Errors that the covariance of an accepted result predicts.
   std::optional<ExpectedTargetErrors> expected;
 
   bool accepted() const { return result.T_us_ct.has_value(); }
   /// Wall time of the registration without files: the result's "total" if it tells one, else the
-  /// sum of its stages.
+  /// sum of its steps.
   double seconds() const;
 };
 

@@ -11,7 +11,8 @@
 /// A study in writing: Markdown for people, JSON for programs.
 namespace usct {
 
-/// Of runs with truth, by group: errors, rates, time, and success by displacement of the start.
+/// Markdown tables of the runs with truth, by group: errors, rates, time, and success by
+/// displacement of the start.
 std::string accuracy_markdown(const std::vector<StudyRun>& runs,
                               const std::vector<double>& bin_edges_mm);
 

@@ -7,25 +7,25 @@
 
 #include "us_ct_registration/evaluation/study.h"
 
-/// What the runs of a study come to. Errors are mean TRE (over the targets of a case), in mm.
+/// Statistics of the runs of a study. Errors are mean TRE (over the targets of a case), in mm.
 namespace usct {
 
 /// A run has succeeded, or converged, if it was accepted with an error below this.
 constexpr double kSuccessMm = 5.0;
 
-/// Of several numbers; NaN where there are too few.
+/// Statistics of several numbers; NaN if there are too few.
 struct Spread {
   std::size_t count = 0;
   double mean = 0.0;
   double median = 0.0;
-  /// With count - 1 below.
+  /// Sample standard deviation (denominator count - 1).
   double deviation = 0.0;
   double max = 0.0;
 };
 Spread spread_of(std::vector<double> values);
 
-/// Of ranks, ties sharing their mean rank; NaN for fewer than two pairs, or if all values of one
-/// are equal. Throws InputError if the numbers of values differ.
+/// Rank correlation; equal values share their mean rank. NaN for fewer than two pairs, or if all
+/// values of one sequence are equal. Throws InputError if the numbers of values differ.
 double spearman_correlation(const std::vector<double>& a, const std::vector<double>& b);
 
 /// Starts with displacements in [low_mm, high_mm), the last bin with its end.
@@ -63,10 +63,10 @@ std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& run
 struct NegativeStatistics {
   TrialKind kind = TrialKind::kMismatched;
   std::size_t runs = 0;
-  /// By the name of the status.
+  /// Number of refused runs by the name of their status.
   std::map<std::string, std::size_t> refused;
   std::size_t accepted_right = 0;
-  /// Without truth, or with an error of kSuccessMm or more.
+  /// Number of accepted runs that have no truth, or an error of kSuccessMm or more.
   std::size_t accepted_wrong = 0;
 };
 /// Kinds that occur, in their order.

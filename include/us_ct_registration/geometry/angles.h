@@ -2,7 +2,8 @@
 
 #include <vector>
 
-/// The conversion between the radians of the core and the degrees of files and people.
+/// The core holds angles in radians; files and user interfaces give them in degrees. All
+/// conversions between the two use this header.
 namespace usct {
 
 constexpr double kPi = 3.14159265358979323846;

@@ -16,8 +16,8 @@ struct Beam {
   Eigen::Vector3d direction;  // unit length
 };
 
-/// The geometry of ultrasound as simulation and registration see it, the same for all probes:
-/// straight beams with evenly spaced samples.
+/// Geometry of ultrasound as simulation and registration see it, whatever the probe: straight beams
+/// with evenly spaced samples.
 struct BeamGrid {
   AxialSampling axial;
   int lines = 0;
@@ -35,8 +35,8 @@ struct BeamGrid {
     return b.origin_mm + axial.depth_mm(sample) * b.direction;
   }
 
-  /// Throws InputError, naming `source`, unless there are samples, and as many beams as lines and
-  /// frames say, finite and with directions of unit length.
+  /// Throws InputError, naming `source`, unless there is at least one sample, the number of beams
+  /// equals lines x frames, all beams are finite and all directions have unit length.
   void validate(const std::string& source = "beam grid") const;
 };
 
@@ -50,12 +50,13 @@ struct BeamAxis {
   bool positive = true;  // towards rising indices
 };
 
-/// Reads "+x", "-y", ... (index axes). Throws InputError, naming `source`, for anything else.
+/// Parses "+x", "-y", ... (index axes). Throws InputError, naming `source`, for any other text.
 BeamAxis parse_beam_axis(const std::string& text, const std::string& source);
 
-/// Variant A of the thesis: parallel beams along an index axis of a Cartesian volume. Samples,
-/// lines and frames are the voxels of the beam axis and of the other two, in their order; the
-/// depth of the first sample is 0 and each beam starts at the centre of its first voxel.
+/// Variant A of the thesis: parallel beams along an index axis of a Cartesian volume. The voxels
+/// along the beam axis become the samples, those along the other two axes, in their order, the
+/// lines and frames; the depth of the first sample is 0 and each beam starts at the centre of its
+/// first voxel.
 BeamGrid parallel_beam_grid(const Grid& grid, BeamAxis axis);
 
 }  // namespace usct

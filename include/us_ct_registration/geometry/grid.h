@@ -7,7 +7,7 @@
 
 namespace usct {
 
-/// Where the voxels of a volume lie: a regular grid with orthogonal axes.
+/// Positions of the voxels of a volume: a regular grid with orthogonal axes.
 ///
 /// Index coordinates are continuous; voxel (i, j, k) has its centre at index (i, j, k) and i is the
 /// fastest axis in memory. Physical coordinates are millimetres in the volume's own frame (LPS for
@@ -45,13 +45,14 @@ struct Grid {
     return physical_from_index(0.5 * (size.cast<double>() - Eigen::Vector3d::Ones()));
   }
 
-  /// Throws InputError, naming `source`, if a size is < 1, the number of voxels does not fit in
-  /// memory addresses, a spacing is not finite and > 0, an origin is not finite, or the direction
-  /// is not orthonormal within 1e-4.
+  /// Throws InputError, naming `source`, if a size is < 1, the number of voxels exceeds the range
+  /// of memory addresses, a spacing is not finite and > 0, an origin is not finite, or the
+  /// direction is not orthonormal within 1e-4.
   void validate(const std::string& source) const;
 };
 
-/// Same size, and spacing, origin and direction equal within 1e-6.
+/// Whether both grids have the same size, and spacing, origin and direction that are equal within
+/// 1e-6.
 bool same_grid(const Grid& a, const Grid& b);
 
 /// The smallest axis-aligned grid (direction = identity) of isotropic `spacing_mm` that covers the

@@ -3,11 +3,11 @@
 #include <Eigen/Geometry>
 #include <string>
 
-/// Checks of rotations and rigid transforms; all of the project uses these.
+/// Tests for rotations and rigid transforms; the whole project uses these.
 namespace usct {
 
-/// How far each entry of MᵀM may be from the identity. It allows for the rounding of text files
-/// with about six digits, which moves a point of the kidney by micrometres.
+/// Tolerance on each entry of MᵀM - 1. It allows for the rounding of text files with about six
+/// digits, which moves a point of the kidney by micrometres.
 constexpr double kRotationTolerance = 1e-5;
 
 /// The largest entry of |MᵀM - 1|; infinite unless the matrix is finite and right-handed.
@@ -22,5 +22,12 @@ void require_rotation(const Eigen::Matrix3d& matrix, const std::string& source,
 /// rotation.
 void require_rigid(const Eigen::Isometry3d& T, const std::string& source,
                    double tolerance = kRotationTolerance);
+
+/// The rigid transform of a quaternion and a translation. Throws InputError, naming `source`,
+/// unless the translation is finite and the quaternion has length 1 within 1e-3: a quaternion that
+/// nobody set is all zero, which is no rotation.
+Eigen::Isometry3d rigid_from_quaternion(const Eigen::Quaterniond& rotation,
+                                        const Eigen::Vector3d& translation,
+                                        const std::string& source);
 
 }  // namespace usct

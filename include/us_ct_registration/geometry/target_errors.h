@@ -4,18 +4,18 @@
 #include <string>
 #include <vector>
 
-/// Target registration error (TRE): the distance between the true position of a target, such as a
-/// tumour, and its position by the registration. Residuals of landmarks are another thing: they say
-/// little about targets.
+/// Target registration error (TRE): the distance between the true position of a target and the
+/// position at which the registration places it. It differs from the residual of landmarks, which
+/// says little about targets.
 namespace usct {
 
-/// In mm.
+/// Statistics of the errors of all targets, in mm.
 struct TargetErrors {
   double mean_mm = 0.0;
   double rms_mm = 0.0;
   double median_mm = 0.0;
   double max_mm = 0.0;
-  /// In the order of the targets.
+  /// Errors in the order of the targets.
   std::vector<double> per_target_mm;
 };
 
@@ -26,19 +26,19 @@ TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
                               const Eigen::Isometry3d& T_us_ct_true,
                               const std::vector<Eigen::Vector3d>& points_us_mm);
 
-/// The TRE that is expected for a covariance: root mean squares, in mm.
+/// The TRE that a covariance predicts, as root mean squares in mm.
 struct ExpectedTargetErrors {
-  /// Over all targets.
+  /// Root mean square over all targets.
   double rms_mm = 0.0;
-  /// At the target where it is largest.
+  /// Root mean square error of the target for which it is largest.
   double max_mm = 0.0;
 };
 
-/// `covariance` is that of a result (see registration_result.h): of the small motion
-/// `p -> p + w x p + t` in the US frame, (w rad, t mm). A target p moves by J (w, t) with
-/// `J = [-[p]x | I]`, so that the expected square of its error is trace(J C J^T).
-/// Throws InputError if there is no target, one is not finite, or the covariance is not finite,
-/// symmetric and positive semidefinite (to 1e-6 of its diagonal); the message names `source`.
+/// `covariance` is that of a result (see registration_result.h): the covariance of the small motion
+/// `p -> p + w x p + t` in the US frame, (w rad, t mm). A target p moves by J (w, t) with `J =
+/// [-[p]x | I]`, so that the expected square of its error is trace(J C J^T). Throws InputError if
+/// there is no target, a target is not finite, or the covariance is not finite, symmetric and
+/// positive semidefinite (to 1e-6 of its diagonal); the message names `source`.
 ExpectedTargetErrors expected_tre_mm(const Eigen::Matrix<double, 6, 6>& covariance,
                                      const std::vector<Eigen::Vector3d>& points_us_mm,
                                      const std::string& source = "result");

@@ -7,16 +7,17 @@
 #include <optional>
 #include <string>
 
-/// Minimisation without derivatives. An optimizer sees a vector and a number; what they mean is
-/// known elsewhere.
+/// Minimisation without derivatives. An optimizer sees a vector of parameters and a scalar cost,
+/// and knows nothing of poses or images.
 namespace usct {
 
 enum class OptimizerMethod {
-  /// Covariance matrix adaptation (Hansen 2006), the thesis' optimizer: global within a few initial
-  /// steps, indifferent to noise and jumps, since only the order of costs counts.
+  /// Covariance matrix adaptation (Hansen 2006), the optimizer of the thesis: it searches globally
+  /// within a few initial steps, and tolerates noise and discontinuities, since it uses only the
+  /// order of the costs.
   kCmaEs,
-  /// Quadratic models in a trust region (Powell 2009): by far the fewest evaluations where the cost
-  /// is smooth.
+  /// Quadratic models in a trust region (Powell 2009); needs by far the fewest evaluations where
+  /// the cost is smooth.
   kBobyqa,
   /// Downhill simplex (Nelder and Mead 1965).
   kNelderMead,
@@ -30,100 +31,104 @@ const char* method_name(OptimizerMethod method);
 /// Throws InputError, naming `source`, for any other text.
 OptimizerMethod parse_method(const std::string& name, const std::string& source);
 
-/// A cost, where to start, and where to stay. All vectors have one entry per parameter, two at
-/// least.
+/// The cost, the start and the bounds. All vectors have one entry per parameter, and there are at
+/// least two parameters.
 struct OptimizerProblem {
-  /// Minimised. Never called outside the box, and only from the thread that optimizes. A cost that
-  /// is not finite means that there is none here, and counts as worse than all that are. What it
-  /// throws ends the optimization and reaches the caller.
+  /// The function to minimise. It is never called outside the box, and only from the thread that
+  /// called `optimize`. A value that is not finite means that the cost is undefined at that point;
+  /// it counts as worse than every finite cost. An exception ends the optimization and reaches the
+  /// caller.
   std::function<double(const Eigen::VectorXd&)> cost;
   Eigen::VectorXd start;
-  /// The box, faces included; both infinite where there are no bounds.
+  /// Bounds of the box, which includes its faces; both infinite for a parameter without bounds.
   Eigen::VectorXd lower;
   Eigen::VectorXd upper;
-  /// How far each parameter must change for about the same effect: one unit of the steps and
-  /// tolerances below.
+  /// The unit of each parameter for the steps and tolerances below: changes of one unit in
+  /// different parameters should have about the same effect.
   Eigen::VectorXd scale;
 
-  /// Throws InputError, naming `source`, unless there is a cost, sizes agree, there are two
-  /// parameters at least, lower < upper with both finite or neither, the start is finite and in the
-  /// box, and scales are finite and > 0.
+  /// Throws InputError, naming `source`, unless there is a cost, sizes agree, there are at least
+  /// two parameters, lower < upper with both finite or both infinite, the start is finite and in
+  /// the box, and scales are finite and > 0.
   void validate(const std::string& source) const;
 };
 
 struct OptimizerOptions {
   OptimizerMethod method = OptimizerMethod::kCmaEs;
-  /// Of CMA-ES and of PRAXIS' random steps; the other methods draw no random numbers.
+  /// Seed of CMA-ES and of the random steps of PRAXIS; the other methods draw no random numbers.
   std::uint32_t seed = 1;
-  /// Calls of the cost, exactly; >= 0.
+  /// Greatest number of evaluations of the cost, never exceeded; >= 0.
   int max_evaluations = 2000;
-  /// Units; > 0. Standard deviation of the first population of CMA-ES, first trust region, edges of
-  /// the first simplex, longest step of PRAXIS. A third of the expected distance to the optimum is
-  /// a good value for CMA-ES; the default suits starts within 15 mm. Where the box is narrower than
-  /// 2.2 steps, NLopt's methods start with 45 % of its width.
+  /// First step, in the units of `scale`; > 0. It is the standard deviation of the first population
+  /// of CMA-ES, the first trust region of BOBYQA, the edge of the first simplex, or the longest
+  /// step of PRAXIS. A third of the expected distance to the optimum is a good value for CMA-ES;
+  /// the default suits starts within 15 mm. Where the box is narrower than 2.2 steps, the methods
+  /// of NLopt start with 45 % of its width.
   double initial_step = 5.0;
-  /// Units; > 0, below `initial_step`. Converged when the search has contracted to this: standard
-  /// deviation of each parameter over a population, radius of the trust region, extent of the
-  /// simplex, change over an iteration of PRAXIS. The box must be four times as wide.
+  /// Tolerance of the position, in the units of `scale`; > 0, below `initial_step`. The search has
+  /// converged when it has contracted to this: the standard deviation of each parameter over a
+  /// population, the radius of the trust region, the extent of the simplex, or the change over an
+  /// iteration of PRAXIS. The box must be at least four times as wide.
   double step_tolerance = 0.01;
-  /// In the unit of the cost; >= 0. Converged when an improvement is below this (NLopt's methods),
-  /// or when the population's costs and the best of each of the last 10 + 30 n / population
-  /// generations lie within it (CMA-ES). 0: only when CMA-ES has seen nothing but one value so
-  /// long.
+  /// Tolerance of the cost; >= 0. The methods of NLopt have converged when an improvement is below
+  /// it. CMA-ES has converged when the costs of its population and the best costs of the last 10 +
+  /// 30 n / population generations differ by no more than it; with 0, only if all of these are
+  /// equal.
   double cost_tolerance = 0.0;
-  /// Costs per generation of CMA-ES; 0 takes Hansen's 4 + floor(3 ln n), 9 for a pose; otherwise
-  /// >= 5. Larger is slower and escapes more local optima. The thesis states neither population nor
-  /// step.
+  /// Evaluations per generation of CMA-ES; 0 takes Hansen's 4 + floor(3 ln n), which is 9 for a
+  /// pose; otherwise >= 5. A larger population is slower and escapes more local optima. The thesis
+  /// states neither population nor step.
   int population = 0;
 
-  /// Throws InputError, naming `source`, unless all is as said above.
+  /// Throws InputError, naming `source`, unless all fields satisfy the constraints above.
   void validate(const std::string& source) const;
 };
 
-/// What a caller may do while an optimization runs; both may be empty. Called from the thread that
-/// optimizes. What they throw reaches the caller.
+/// Callbacks while an optimization runs; both may be empty. They are called from the thread that
+/// called `optimize`, and their exceptions reach the caller.
 struct OptimizerHooks {
-  /// Asked before each evaluation; true ends the optimization.
+  /// Called before each evaluation; the optimization ends when it returns true.
   std::function<bool()> cancelled;
-  /// Told after each evaluation: how many there were, and the lowest cost so far (NaN before the
-  /// first finite one).
+  /// Called after each evaluation, with the number of evaluations and the lowest cost so far (NaN
+  /// before the first finite one).
   std::function<void(int evaluations, double best_cost)> progress;
 };
 
 enum class OptimizerStatus {
   kFailed,           // the reason says why
   kConverged,        // a tolerance was reached
-  kBudgetExhausted,  // max_evaluations were made; the best so far
-  kCancelled,        // by the caller; the best so far
+  kBudgetExhausted,  // max_evaluations were made; the result is the best so far
+  kCancelled,        // the caller ended it; the result is the best so far
 };
 
 /// "failed", "converged", "budget_exhausted", "cancelled".
 const char* status_name(OptimizerStatus status);
 
-/// What an optimization hands back. It starts as failed; nothing is valid by default.
+/// The result of an optimization. It starts as failed; nothing is valid by default.
 struct OptimizerResult {
   OptimizerStatus status = OptimizerStatus::kFailed;
-  /// In words, for people.
+  /// The reason of the status in words.
   std::string reason = "not run";
-  /// The parameters with the lowest cost of all that were evaluated, the start included; none if no
-  /// cost was finite or nothing was evaluated.
+  /// The parameters with the lowest cost of all that were evaluated, the start included. Unset if
+  /// no cost was finite or nothing was evaluated.
   std::optional<Eigen::VectorXd> best;
-  /// Of `best`, never above the start's; NaN without one.
+  /// The cost of `best`, never above that of the start; NaN if `best` is unset.
   double cost = std::numeric_limits<double>::quiet_NaN();
   int evaluations = 0;
   double seconds = 0.0;
 };
 
-/// Minimises; the start is evaluated first. Methods other than CMA-ES need a finite cost there, and
-/// fail with a reason otherwise.
+/// Minimises the cost. The start is evaluated first; methods other than CMA-ES need a finite cost
+/// there, and fail with a reason otherwise.
 ///
-/// Deterministic: the same problem, options and seed give the same bits, however many optimizations
-/// run in other threads at the same time. (NLopt's generator, which PRAXIS uses, is seeded anew;
-/// each thread has its own.) Only BOBYQA knows bounds; for the others each parameter is a sine of
-/// theirs (of unit slope in the middle of the box), so that steps shorten towards a face and a
-/// minimum on it is found like any other.
+/// The result is deterministic: the same problem, options and seed give the same bits, even if
+/// other threads run optimizations at the same time. (The random generator of NLopt, which PRAXIS
+/// uses, is seeded anew each time; each thread has its own.) BOBYQA handles bounds itself. For the
+/// other methods each bounded parameter is a sine of an unbounded one, with unit slope in the
+/// middle of the box, so that steps shorten towards a face and a minimum on a face is found like
+/// any other.
 ///
-/// Throws InputError if the problem, the options, or the two together are invalid.
+/// Throws InputError if the problem or the options are invalid, or do not suit each other.
 OptimizerResult optimize(const OptimizerProblem& problem, const OptimizerOptions& options,
                          const OptimizerHooks& hooks = {});
 

@@ -38,8 +38,8 @@ struct AnatomyOptions {
   /// Standoff (gel) between array and skin or agar, mm; [0, 30]. Unset: 1 mm on agar, 3-9 mm on a
   /// patient, by seed.
   std::optional<double> standoff_mm;
-  /// How deep the probe presses the skin in, mm, in the ultrasound only; [0, 20]. Unset: 0 on agar,
-  /// 4 mm on a patient.
+  /// Depth of the dent that the probe makes in the skin, mm, in the ultrasound only; [0, 20].
+  /// Unset: 0 on agar, 4 mm on a patient.
   std::optional<double> indentation_mm;
   /// Largest displacement, mm, by which the kidney deforms smoothly between CT and ultrasound;
   /// [0, 15].
@@ -50,7 +50,7 @@ struct AnatomyOptions {
   bool stone = true;
 };
 
-/// From which side the probe looks at a real CT.
+/// Side from which the probe looks at a real CT.
 enum class Approach { kAuto, kLateral, kPosterior, kAnterior };
 
 /// "auto", "lateral", "posterior", "anterior". Throws InputError, naming `source`.
@@ -107,7 +107,8 @@ struct PhantomTruth {
   std::vector<Eigen::Vector3d> fiducials_us_mm;
   /// The true geometry; the pre-scan volume holds the recorded one.
   ScanGeometry geometry;
-  /// For each frame the frame whose image it shows (its own index unless it is a duplicate).
+  /// For each frame, the index of the frame whose image it shows (its own index unless it is a
+  /// duplicate).
   std::vector<int> image_of_frame;
 };
 

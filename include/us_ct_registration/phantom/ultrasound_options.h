@@ -2,7 +2,7 @@
 
 #include <optional>
 
-/// How the phantom's scanner forms an image.
+/// Options of the image formation of the phantom's scanner.
 namespace usct::phantom {
 
 struct UltrasoundOptions {

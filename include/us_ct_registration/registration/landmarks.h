@@ -8,17 +8,17 @@ namespace usct {
 struct LandmarkAlignment {
   /// `p_target = T_target_source * p_source`.
   Eigen::Isometry3d T_target_source;
-  /// Root mean square of what is left between the pairs.
+  /// Root mean square distance between the pairs after the alignment.
   double residual_mm;
 };
 
-/// The rigid transform that brings pairs of points together best in the least squares sense, in
-/// closed form (Horn 1987; here by singular values, Umeyama 1991, without scale). Mirror images are
-/// not undone: the result is always a rotation.
+/// The rigid transform that aligns pairs of points in the least-squares sense, in closed form (Horn
+/// 1987; here by singular value decomposition, Umeyama 1991, without scale). The result is always a
+/// rotation: reflections are not undone.
 ///
 /// Throws InputError if the numbers of points differ or are below 3, a point is not finite, or
-/// either set is so close to a line (across it less than 5 % of the spread along it) that rotation
-/// about the line is a guess.
+/// either set is so close to a line (its spread across the line is below 5 % of the spread along
+/// it) that the rotation about the line is undetermined.
 LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_target_mm,
                                   const std::vector<Eigen::Vector3d>& points_source_mm);
 

@@ -8,7 +8,7 @@ namespace usct {
 /// Six numbers that an optimizer may move: three of rotation, three of translation.
 using PoseVector = Eigen::Matrix<double, 6, 1>;
 
-/// Poses `T_us_ct` as six numbers about an initial one, which is 0.
+/// Poses `T_us_ct` as six numbers about an initial pose, whose numbers are 0.
 ///
 /// A pose is the initial one followed by a motion in the US frame about the centre c of the given
 /// points (those of the field of view, or of the kidney):
@@ -20,14 +20,15 @@ using PoseVector = Eigen::Matrix<double, 6, 1>;
 /// points' centroid is the centre, the same holds for all six together: **a small step of length 1
 /// in any direction moves the points by 1 mm (root mean square)**.
 ///
-/// A rotation vector, where the thesis has Euler angles: no order of axes, no gimbal lock, the same
-/// precision in all directions; and if both poses are moved by a common rigid motion, the numbers
-/// only turn with it. Every pose has such numbers; they are unique for rotations below 180 degrees.
+/// The rotation is a rotation vector, where the thesis has Euler angles: it needs no order of axes,
+/// has no gimbal lock and the same precision in all directions, and a common rigid motion of both
+/// poses only turns the numbers. Every pose has such numbers; they are unique for rotations below
+/// 180 degrees.
 class PoseParameters {
  public:
-  /// `points_us_mm`: in the US frame, where the initial pose puts them. Throws InputError if the
-  /// pose is not rigid and finite, or if a point is not finite, or if the points lie on a line
-  /// (fewer than three do): rotation about it would move none.
+  /// `points_us_mm` lie in the US frame at the initial pose. Throws InputError if the pose is not
+  /// rigid and finite, if a point is not finite, or if the points lie on a line (as fewer than
+  /// three do), since rotation about that line would move none.
   PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
                  const std::vector<Eigen::Vector3d>& points_us_mm);
 
@@ -49,8 +50,8 @@ class PoseParameters {
   Eigen::Matrix3d inverse_rotation_scale_;
 };
 
-/// Mean distance between where two transforms put the points: of `T_us_ct`, points of the CT; in
-/// mm. Throws InputError if there is no point.
+/// Mean distance between the points as two transforms map them, mm; for `T_us_ct` these are points
+/// of the CT. Throws InputError if there is no point.
 double mean_displacement_mm(const Eigen::Isometry3d& T_a, const Eigen::Isometry3d& T_b,
                             const std::vector<Eigen::Vector3d>& points_mm);
 

@@ -7,15 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/registration/gates.h"
+
 namespace usct {
 
-/// How a registration ended. Only kRegistered comes with a transform.
+/// Status of a registration. Only kRegistered comes with a transform.
 enum class RegistrationStatus {
   kFailed,         // did not run to its end; the message says why
   kRegistered,     // found, and confident
   kLowConfidence,  // found something that must not be used as a registration
   kNoOverlap,      // CT and ultrasound share too little
-  kCancelled,      // by the caller
+  kCancelled,      // the caller ended it
 };
 
 /// "failed", "registered", "low_confidence", "no_overlap", "cancelled".
@@ -31,7 +33,7 @@ struct RegistrationCandidate {
   double overlap = 0.0;
 };
 
-/// What a registration hands back. It starts as failed; nothing is valid by default.
+/// Result of a registration. It starts as failed; nothing is valid by default.
 struct RegistrationResult {
   RegistrationStatus status = RegistrationStatus::kFailed;
   /// The reason in words, for people.
@@ -42,23 +44,21 @@ struct RegistrationResult {
   double similarity = std::numeric_limits<double>::quiet_NaN();
   /// Fraction of the ultrasound's samples that lie in the CT, in [0, 1]; NaN if not evaluated.
   double overlap = std::numeric_limits<double>::quiet_NaN();
-  /// Of a small motion (w, t) that follows the best pose: `p_us -> p_us + w x p_us + t`, with w the
-  /// rotation vector in rad and t in mm. It turns about the origin of the US frame, whatever centre
-  /// the search had.
+  /// Covariance of a small motion (w, t) that follows the best pose: `p_us -> p_us + w x p_us + t`,
+  /// with w the rotation vector in rad and t in mm. The motion turns about the origin of the US
+  /// frame, whatever centre the search used.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
   /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
   /// as well.
   std::vector<RegistrationCandidate> candidates;
-  /// What the gates judged and the last stage estimated, by name: `significance`, `margin`,
-  /// `disagreement_mm`, `displacement_mm`, `scatter_mm`, `expected_error_mm`, `depth_error`,
-  /// `sweep_error` (see ConfidenceOptions and AcquisitionErrors); what was not measured is absent.
-  std::map<std::string, double> measures;
+  /// The measures that the gates judged, and the errors that the refinement estimated.
+  Measures measures;
   int evaluations = 0;
-  /// Wall time per stage, s.
+  /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`.
   std::map<std::string, double> seconds;
-  /// The options that it ran with, as text.
+  /// The options of the run, as text.
   std::map<std::string, std::string> options;
-  /// Version of this package that made it.
+  /// Version of this package that made the result.
   std::string version;
 };
 

@@ -1,13 +1,16 @@
 #pragma once
 
+#include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 
 namespace usct {
 
-/// Which motions away from the initial pose starts are spread over.
+/// The region of motions away from the initial pose over which starts are spread.
 enum class StartRegion {
   /// Each component of the rotation vector and of the translation, along the axes of the US frame,
   /// within its bound.
@@ -18,25 +21,30 @@ enum class StartRegion {
   kBall,
 };
 
+constexpr auto words_of(StartRegion) {
+  return std::array<std::pair<StartRegion, const char*>, 2>{
+      {{StartRegion::kBox, "box"}, {StartRegion::kBall, "ball"}}};
+}
+
 struct StartOptions {
   StartRegion region = StartRegion::kBox;
-  /// How many starts, the initial pose included; >= 1.
-  int count = 256;
+  /// Number of starts, including the initial pose; >= 1.
+  int count = 512;
   /// Half the width of the box (at most 103 degrees, so that no rotation exceeds 180), or the
   /// radius of the ball (at most 180 degrees); >= 0.
-  double rotation_rad = 0.3490658503988659;  // 20 degrees
+  double rotation_rad = 25.0 * kDegree;
   /// Half the width of the box, or the radius of the ball; >= 0.
-  double translation_mm = 20.0;
+  double translation_mm = 25.0;
 
-  /// Throws InputError, naming `source`, unless all is as said above.
+  /// Throws InputError, naming `source`, unless all fields satisfy the constraints above.
   void validate(const std::string& source) const;
 };
 
-/// Poses to start from, spread evenly without random numbers: the same for the same options. The
-/// first is the initial pose, 0. Each beginning of the sequence is spread evenly as well.
+/// Starts that are spread evenly without random numbers: the same options give the same starts. The
+/// first is the initial pose, 0. Every prefix of the sequence is spread evenly as well.
 ///
-/// Sobol's sequence (Sobol 1967, direction numbers of Joe and Kuo 2008); counts that are powers of
-/// two are the most even.
+/// The sequence is Sobol's (Sobol 1967, direction numbers of Joe and Kuo 2008); counts that are
+/// powers of two are the most even.
 std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options);
 
 }  // namespace usct

@@ -1,47 +1,67 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <limits>
 #include <vector>
+
+#include "us_ct_registration/progress.h"
 
 namespace usct {
 
 /// Errors of an acquisition that a registration may estimate along with the pose. Both are
 /// fractions, 0 where the recorded geometry is right.
 struct AcquisitionErrors {
-  /// Echoes lie at (1 + depth) times the recorded depth: what a wrong speed of sound does.
+  /// Echoes lie at (1 + depth) times the recorded depth, as with a wrong speed of sound.
   double depth = 0.0;
-  /// Frames lie (1 + sweep) times as far from the middle one as recorded: motor angle, or path of
-  /// the tracked probe.
+  /// Frames lie (1 + sweep) times as far from the middle frame as recorded, by an error of the
+  /// motor's angle or of the tracked path.
   double sweep = 0.0;
 };
 
+/// A pose, with errors of the acquisition, at which a similarity is evaluated.
+struct SimilarityPose {
+  /// Maps the US frame to the CT's, mm; rigid.
+  Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
+  AcquisitionErrors errors;
+};
+
 struct SimilarityValue {
-  /// Higher is better; NaN where nothing can be said (no overlap at all).
+  /// Higher is better; NaN if the similarity is undefined (no overlap at all).
   double value = std::numeric_limits<double>::quiet_NaN();
-  /// Share of the ultrasound's samples that count which lie in the CT, in [0, 1].
+  /// Share of the ultrasound's counting samples that lie in the CT, in [0, 1].
   double overlap = 0.0;
 };
 
-/// How well a CT explains ultrasound at a pose. Both images and all options are fixed when it is
-/// made (see the factories); it is then a function of the pose alone.
+/// The similarity of a CT and ultrasound as a function of the pose. Both images and all options are
+/// fixed when it is made (see catalogue.h). All functions may be called from several threads at
+/// once, and always give the same bits for the same pose.
 class Similarity {
  public:
   virtual ~Similarity() = default;
 
-  /// `T_ct_us` maps the US frame to the CT's, mm; rigid. May be called from several threads at
-  /// once; the same bits for the same pose, always.
-  virtual SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
-                                   const AcquisitionErrors& errors) const = 0;
-  SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us) const {
-    return evaluate(T_ct_us, AcquisitionErrors{});
+  /// Fills `values[i]` for `poses[i]`, i in [0, count). The threads share several poses among them;
+  /// for a single pose they share the patches of the ultrasound. `check` is called before each
+  /// pose, from several threads, and may throw to cancel.
+  virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                        const Check& check) const = 0;
+
+  /// Contributions of the parts of the ultrasound (patches) at a pose; the value is their sum. A
+  /// similarity that is not a sum has one part.
+  virtual std::vector<double> parts(const SimilarityPose& pose) const {
+    return {evaluate(pose).value};
   }
 
-  /// What each part of the ultrasound (patch) contributes; the sum is `evaluate().value`. One part
-  /// for a similarity that is not a sum.
-  virtual std::vector<double> parts(const Eigen::Isometry3d& T_ct_us,
-                                    const AcquisitionErrors& errors) const {
-    return {evaluate(T_ct_us, errors).value};
+  std::vector<SimilarityValue> evaluate(const std::vector<SimilarityPose>& poses,
+                                        const Check& check = {}) const {
+    std::vector<SimilarityValue> values(poses.size());
+    evaluate(poses.data(), poses.size(), values.data(), check);
+    return values;
+  }
+  SimilarityValue evaluate(const SimilarityPose& pose) const {
+    SimilarityValue value;
+    evaluate(&pose, 1, &value, {});
+    return value;
   }
 };
 

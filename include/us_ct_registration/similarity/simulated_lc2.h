@@ -1,23 +1,42 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
-#include "us_ct_registration/similarity/similarity.h"
+#include "us_ct_registration/similarity/metric.h"
 #include "us_ct_registration/simulation/simulation.h"
-#include "us_ct_registration/ultrasound/conditioning.h"
 
 namespace usct {
 
-/// The thesis' metric (eqs 4.3-4.10): LC2 of the ultrasound and its simulation from the CT, one set
-/// of weights for all samples. The value of `simulate_components` and `fit_to_ultrasound` (see
-/// there) in one pass without intermediate images, in single precision but for the sums; lines side
-/// by side in SIMD, by the widest instructions of the processor. One thread per evaluation.
+/// The thesis' metric (eqs 4.3-4.10): LC2 of the ultrasound and its simulation from the CT along
+/// the beams, one set of weights for all samples.
+struct SimulatedLc2Options {
+  static constexpr const char* kName = "simulated_lc2";
+
+  SimulationOptions simulation;
+  FitOptions fit;
+
+  SimilarityNeeds needs() const;
+  void validate(const std::string& source) const;
+};
+
+template <typename Fields>
+void describe(Fields& fields, SimulatedLc2Options& o) {
+  fields("simulation", o.simulation);
+  fields("fit", o.fit);
+}
+
+std::shared_ptr<const Similarity> make(SimilarityImages& images,
+                                       const SimulatedLc2Options& options);
+
+/// The value of `simulate_components` and `fit_to_ultrasound` (see there) in one pass without
+/// intermediate images, in single precision except for the sums. The lanes of SIMD vectors hold
+/// neighbouring lines, with the widest instructions of the processor. An evaluation uses one
+/// thread.
 ///
-/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as
-/// ConditionedUltrasound::reasons; what is not known does not count either. The value is NaN, with
-/// the overlap as it is, wherever `fit_to_ultrasound` gives no fit. Both images are copied.
+/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as in
+/// ConditionedUltrasound::reasons; unknown samples do not count either. Where `fit_to_ultrasound`
+/// gives no fit the value is NaN, and only the overlap is valid. Both images are copied.
 ///
 /// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` is not
 /// 0, and for a transform that is not finite and rigid.

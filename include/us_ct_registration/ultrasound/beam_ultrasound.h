@@ -10,28 +10,30 @@
 
 namespace usct {
 
-/// Ultrasound along its beams, the same for every kind of recording: samples x lines x frames
-/// values, samples fastest.
+/// Brightness of ultrasound along beams, independent of the format that it was recorded in; samples
+/// x lines x frames, samples fastest.
 struct BeamUltrasound {
   BeamGrid beams;
   /// Grey values.
   std::vector<float> brightness;
-  /// Per sample: 0 where the brightness is unknown (beside the fan). Empty if all samples are
+  /// 0 where the brightness is not known (beside the fan), not 0 elsewhere; empty if all of it is
   /// known.
   std::vector<std::uint8_t> known;
 
-  /// Throws InputError, naming `source`, unless the sizes agree and known samples are finite.
+  /// Throws InputError, naming `source`, unless the sizes agree and all known brightness is finite.
   void validate(const std::string& source = "ultrasound") const;
 };
 
-/// Variant B of the thesis: along the true beams. Throws InputError if the volume is invalid.
+/// Variant B of the thesis: the samples along the true beams. Throws InputError if the volume is
+/// invalid.
 BeamUltrasound along_beams(const PreScanVolume& volume);
 
-/// Variant A: along parallel beams through a Cartesian volume (see parallel_beam_grid). The mask
-/// has the same grid, or no voxels if all is known. Throws InputError otherwise.
+/// Variant A of the thesis: parallel beams through a Cartesian volume (see parallel_beam_grid). The
+/// mask must have the same grid, or no voxels if all brightness is known; otherwise InputError is
+/// thrown.
 ///
-/// Depth is then counted from the first voxel of the volume, so that the depths, shadows and
-/// contact that `condition` finds are cruder than along the true beams.
+/// Depth is counted from the first voxel of the volume. The depth range, shadows and contact that
+/// `condition` finds are therefore less exact than along the true beams.
 BeamUltrasound along_beams(const UsVolume& volume, const MaskVolume& mask, BeamAxis axis);
 
 }  // namespace usct

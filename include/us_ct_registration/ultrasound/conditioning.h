@@ -8,68 +8,67 @@
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 
-/// Prepares ultrasound for a metric: decides which samples count, and removes the effect of the
-/// scanner's gain from them. HuWindow (volume/hu_window.h) prepares the CT.
+/// Prepares ultrasound for a similarity: excludes samples that carry no information about the
+/// anatomy, and removes the effect of the scanner's gain from the others. HuWindow
+/// (volume/hu_window.h) prepares the CT.
 namespace usct {
 
-/// Why a sample does not count; the reasons are bits, of which a sample may have several.
+/// Reasons why a sample is excluded; bits.
 enum ExclusionReason : std::uint8_t {
-  kUnknown = 1,       // beside the fan
+  kUnknown = 1,       // its brightness is not known: it lies beside the fan
   kOutsideDepth = 2,  // not within the depths of interest: near field, skin line, standoff
-  kFarWall = 4,       // at or beyond the bright echo of a wall behind the anatomy
+  kFarWall = 4,       // at or beyond the bright echo of a wall behind the organ
   kNoContact = 8,     // its line is dark or constant
   kSaturated = 16,    // at the top of the grey scale
   kShadow = 32,       // dark from here to the end of the line
-  kConstant = 64,     // no sample that would count differs from another
+  kConstant = 64,     // the samples that would count do not vary
 };
-/// The name of a reason, for people.
+/// The name of one reason.
 std::string to_string(ExclusionReason reason);
 
-/// The depths at which samples count.
+/// Depth range outside of which samples are excluded.
 struct DepthOptions {
-  /// Samples count between these depths (mm along the line, from the array). If unset, the limits
-  /// are found from the ultrasound if `automatic` is on, and are the first and last sample if it is
-  /// off.
+  /// Least and greatest depth of samples that count, mm along the line from the array. Unset: found
+  /// automatically, or those of the first and last sample if `automatic` is off.
   std::optional<double> min_mm;
   std::optional<double> max_mm;
-  /// Whether limits that are unset are found from the ultrasound (see `condition`).
+  /// Whether unset depths and the far wall are found from the brightness; see `condition`.
   bool automatic = true;
-  /// The near field is at least this long, mm.
+  /// Least length of the near field, mm.
   double near_field_mm = 10.0;
-  /// The end of the near field is searched for down to this depth, mm, and at most down to a third
-  /// of the line.
+  /// Depth to which the end of the near field is searched, mm; never more than a third of the line.
   double near_field_limit_mm = 30.0;
-  /// A far wall is accepted if at least this share of the beams meets it; above 1 none is searched
-  /// for.
-  double far_wall_share = 0.6;
-  /// Samples up to this distance in front of the wall's echo count as part of it, mm.
+  /// Share of the beams that must meet a far wall for it to be accepted, (0, 1]; unset: no wall is
+  /// searched.
+  std::optional<double> far_wall_share = 0.6;
+  /// Samples in front of the wall by up to this are excluded with it, mm.
   double far_wall_margin_mm = 3.0;
 };
 
 enum class Normalisation {
-  kNone,     // smoothed grey values
+  kNone,     // no normalisation: smoothed grey values
   kFlatten,  // minus the local mean
   kZScore,   // minus the local mean, over the local standard deviation
 };
 
 struct ConditioningOptions {
   Normalisation normalisation = Normalisation::kZScore;
-  /// Standard deviation of the Gaussian that smooths speckle first, mm; 0: none.
+  /// Standard deviation of the Gaussian that smooths speckle first, mm; 0: no smoothing.
   double smoothing_mm = 1.0;
-  /// Standard deviation of the Gaussian window of local mean and standard deviation, mm.
+  /// Standard deviation of the Gaussian window for the local mean and standard deviation, mm.
   double window_mm = 8.0;
-  /// The square of this is added to the local variance, so that noise in empty regions is not
-  /// amplified; in multiples of the standard deviation of all samples that count.
+  /// Its square is added to the local variance, in units of the variance of all samples that count.
+  /// It keeps noise in empty regions from being amplified.
   double least_deviation = 0.1;
   DepthOptions depth;
-  /// Samples of at least this grey value are saturated; above 255 no sample is.
-  double saturated_grey = 255.0;
-  /// A line has no contact if each quarter of it is darker than the first share of the usual grey
-  /// value at its depth (the median over all beams); a sample is in shadow below the second share.
-  /// Both are judged after speckle has been averaged.
+  /// Samples with at least this grey value are saturated and do not count, > 0; unset: none are.
+  std::optional<double> saturated_grey = 255.0;
+  /// A line has no contact if in each quarter of its depth it is darker than `no_contact_share` of
+  /// the usual grey value, which is the median over all beams at that depth. A sample is dark, as
+  /// in a shadow, if it is below `shadow_share` of the usual value. Speckle is averaged first.
   double no_contact_share = 0.45;
   double shadow_share = 0.45;
-  /// Contact and shadow are judged only at depths where the usual grey value is at least this.
+  /// Contact and shadows are judged only at depths where the usual grey value is at least this.
   double visible_grey = 20.0;
   /// Shadows shorter than this are not excluded, mm.
   double min_shadow_mm = 10.0;
@@ -81,37 +80,38 @@ struct ConditioningOptions {
 struct ConditionedUltrasound {
   int lines = 0;
   int frames = 0;
-  /// Grey values (kNone), or multiples of the standard deviation of all samples that count
-  /// (kFlatten), or of the local one (kZScore). 0 where a sample does not count.
+  /// Grey values (kNone), multiples of the standard deviation of all samples that count (kFlatten),
+  /// or multiples of the local standard deviation (kZScore). 0 where a sample is excluded.
   std::vector<float> samples;
-  /// ExclusionReason; 0 where a sample counts.
+  /// Bits of ExclusionReason; 0 where a sample counts.
   std::vector<std::uint8_t> reasons;
-  /// The depths that count (far wall apart), mm.
+  /// Depth range of the samples that count, mm; the far wall is not part of it.
   double min_depth_mm = 0.0;
   double max_depth_mm = 0.0;
-  /// The share of the beams that end at a far wall.
+  /// Share of the beams that end at a far wall.
   double far_wall_share = 0.0;
 
   std::size_t counting() const;
 };
 
-/// Excludes samples and normalises the others. The result has the same bits for any number of
-/// threads. Apart from the grey thresholds for saturation and visibility it does not depend on gain
-/// and offset of the ultrasound.
+/// Excludes samples and normalises the rest. The result has the same bits for any number of
+/// threads. It does not depend on gain and offset of the ultrasound, except through the absolute
+/// grey thresholds for saturation and visibility.
 ///
-/// Depths, if automatic. *Near field*: the profile of mean brightness over depth is compared with
-/// its median over the middle half of the line; the near field ends behind the last depth (within
-/// near_field_limit_mm) where the profile is out of that by more than 3 robust standard deviations
-/// and 20 %. *Far wall*: per beam, in its deeper half, the first depth where brightness exceeds 1.5
-/// times the upper decile of the first two thirds of all beams (at most grey 180); then the median
-/// of that over neighbouring beams, so that single echoes do not count.
+/// Automatic depths. *Near field*: the profile of mean brightness over depth is compared with its
+/// median over the middle half of the line. The near field ends behind the last depth (within
+/// near_field_limit_mm) at which the profile differs from that median by more than 3 robust
+/// standard deviations and by more than 20 %. *Far wall*: for each beam, the first depth in its
+/// deeper half at which the brightness exceeds 1.5 times the upper decile of the first two thirds
+/// of all beams (or grey 180, if that is less). The median of this depth over neighbouring beams is
+/// taken, so that single echoes do not count.
 ///
-/// Windows are Gaussians in millimetres: along the samples, across lines by the distance of
-/// neighbouring lines at that depth (in the middle frame), and across frames likewise (on the
-/// middle line). Only samples that count enter.
+/// Windows are Gaussians in millimetres: along the samples, across lines, and across frames. The
+/// distance of neighbouring lines is taken at each depth in the middle frame, that of neighbouring
+/// frames on the middle line. Only samples that count enter.
 ///
 /// Throws InputError if the ultrasound or an option is invalid, or the depth range holds no sample.
-/// Ultrasound of which no sample counts is no error: `reasons` tells why.
+/// If no sample counts, that is not an error, and `reasons` says why.
 ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
                                 const ConditioningOptions& options, const Progress& progress = {});
 

@@ -6,19 +6,19 @@
 
 namespace usct {
 
-/// Ultrasound with fewer samples, lines and frames: each new sample is the mean of the known
-/// samples of a block and lies in the middle of the block (on the mean beam of the block). A block
-/// of which less than half is known is unknown. An incomplete block at the end of an axis is left
-/// out.
+/// Averages ultrasound over blocks of samples, lines and frames. Each value is the mean of the
+/// known samples of a block, and lies in the middle of the block, on its mean beam. A block is
+/// unknown if less than half of it is known. An incomplete last block is dropped.
 ///
-/// `factors` are the samples, lines and frames per block. Throws InputError if a factor is < 1 or
-/// greater than the size of its axis.
+/// `factors`: samples, lines and frames per block, >= 1. Throws InputError if one is not, or
+/// exceeds the number of samples, lines or frames.
 BeamUltrasound decimate(const BeamUltrasound& ultrasound, const Eigen::Vector3i& factors);
 
-/// The factors whose blocks have edges closest to `spacing_mm`. The spacing of lines is measured in
-/// the middle frame and that of frames on the middle line, both at the middle depth. Factors are at
-/// least 1, and at most half of the size, so that each axis keeps two blocks. Throws InputError
-/// unless the spacing is finite and > 0.
+/// Sizes of blocks whose edges come closest to `spacing_mm`. The distance of neighbouring lines is
+/// taken in the middle of the depths in the middle frame, that of neighbouring frames in the middle
+/// of the depths on the middle line. Each size is at least 1, and at most half of the samples,
+/// lines or frames, so that every axis keeps two blocks. Throws InputError unless the spacing is
+/// finite and > 0.
 Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm);
 
 }  // namespace usct

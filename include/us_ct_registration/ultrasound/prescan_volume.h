@@ -9,12 +9,12 @@
 
 namespace usct {
 
-/// 3D ultrasound as acquired, before scan conversion: 8-bit B-mode brightness, samples x lines x
-/// frames (samples fastest), and where they lie.
+/// 3D ultrasound before scan conversion: 8-bit B-mode brightness, samples x lines x frames (samples
+/// fastest), with its geometry.
 struct PreScanVolume {
   ScanGeometry geometry;
   std::vector<std::uint8_t> voxels;
-  /// ISO 8601 in UTC; empty if unknown.
+  /// Time of acquisition, ISO 8601 in UTC; empty if unknown.
   std::string acquisition_time;
 
   std::size_t offset(int sample, int line, int frame) const {

@@ -11,32 +11,35 @@
 
 namespace usct {
 
-/// Ultrasound on a Cartesian grid in the US frame. The mask is 255 where the ultrasound is known
-/// and 0 elsewhere, where the brightness is 0.
+/// Ultrasound on a Cartesian grid in the US frame, with a mask: 255 where the brightness is known,
+/// 0 (with brightness 0) where it is not.
 struct ScanConverted {
   UsVolume volume;
   MaskVolume mask;
 };
 
-/// The smallest axis-aligned isotropic grid, in the US frame, that covers the acquisition: all
-/// beams, with the half sample, half line and half frame that scan conversion fills around them (a
-/// tracked sweep has no half frames). Throws InputError if the geometry or spacing is invalid.
+/// The smallest axis-aligned isotropic grid, in the US frame, that covers all beams and the half
+/// sample, half line and half frame around them that scan conversion fills (a tracked sweep has no
+/// half frames). Throws InputError if the geometry or spacing is invalid.
 Grid fan_grid(const ScanGeometry& geometry, double spacing_mm);
 
-/// Scan conversion of a motorised sweep (thesis 4.2): every voxel is taken back to (sample, line,
+/// Scan conversion of a motorised sweep (thesis 4.2): every voxel is mapped back to (sample, line,
 /// frame) by the exact inverse of eqs 4.11-4.14 and interpolated between the recorded samples.
 ///
-/// A sample stands for half a sample, half a line and half a frame around itself; voxels in that
-/// range are in the mask, and beyond the centres of the outermost samples the edge is repeated.
-/// There is no other extrapolation. The grid may have any orientation; rows along the x axis of the
-/// US frame are faster. Throws InputError if the volume or grid is invalid or the sweep is a
-/// tracked one (see compounding.h).
+/// A sample represents half a sample, half a line and half a frame around itself. Voxels in that
+/// range are in the mask; beyond the centres of the outermost samples the edge value is repeated.
+/// half a sample, half a line and half a frame around itself; voxels in that range are in the mask,
+/// and beyond the centres of the outermost samples the edge is repeated. Nothing else is
+/// extrapolated. The grid may have any orientation; rows along the x axis of the US frame are
+/// faster. Throws InputError if the volume or grid is invalid or the sweep is a tracked one (see
+/// compounding.h).
 ScanConverted scan_convert(const PreScanVolume& prescan, const Grid& grid,
                            Interpolation interpolation, const Progress& progress = {});
 
-/// Inverse scan conversion (thesis 4.3, eqs 4.15-4.18): a Cartesian volume, such as a CT, sampled
+/// Inverse scan conversion (thesis 4.3, eqs 4.15-4.18): samples a Cartesian volume, such as a CT,
 /// along the beams. Returns samples x lines x frames, samples fastest. `T_volume_us` maps the US
-/// frame to the volume's frame (the thesis' manual offsets and its six parameters in one).
+/// frame to the frame of the volume (it combines the manual offsets and the six parameters of the
+/// thesis).
 template <typename T>
 std::vector<float> sample_along_beams(const Volume<T>& volume, const BeamGrid& beams,
                                       const Eigen::Isometry3d& T_volume_us,

@@ -10,12 +10,12 @@
 
 namespace usct {
 
-/// Ultrasound as recorded: pre-scan beams, B-mode images whose beams are unknown, or a Cartesian
-/// volume.
+/// Ultrasound of any kind: before scan conversion, as B-mode images whose beams are not known, or
+/// as a Cartesian volume.
 using Ultrasound = std::variant<PreScanVolume, TrackedImages, UsVolume>;
 
-/// The ultrasound on a Cartesian grid of isotropic `spacing_mm` in the US frame: scan-converted or
-/// compounded; a Cartesian volume as it is, known everywhere.
+/// The ultrasound on a Cartesian grid of isotropic `spacing_mm` in the US frame, by scan conversion
+/// or compounding. A Cartesian volume is returned as it is, with all voxels known.
 ScanConverted in_space(const Ultrasound& ultrasound, double spacing_mm,
                        const CompoundOptions& options, const Progress& progress = {});
 

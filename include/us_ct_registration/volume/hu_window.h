@@ -6,8 +6,8 @@
 
 namespace usct {
 
-/// The range of CT values that a metric distinguishes. Air, bone and metal lie outside of it: their
-/// edges of hundreds of HU would outweigh all soft tissue.
+/// Range of CT values that a similarity uses. Outside lie air, bone and metal, whose steps of
+/// hundreds of HU would outweigh all soft tissue.
 struct HuWindow {
   double low_hu = -150.0;
   double high_hu = 400.0;
@@ -16,7 +16,7 @@ struct HuWindow {
   void validate(const std::string& source) const;
 };
 
-/// The CT with its voxels limited to the window. Throws InputError if the window is invalid.
+/// The CT with its values clamped to the window. Throws InputError if the window is invalid.
 CtVolume limited_to(const HuWindow& window, const CtVolume& ct);
 
 }  // namespace usct

@@ -17,12 +17,11 @@ struct Region {
   Eigen::Vector3i size = Eigen::Vector3i::Zero();
 };
 
-/// The region that holds all voxels of a grid.
+/// The region that covers the whole grid.
 Region whole(const Grid& grid);
 
 /// The smallest region of `grid` that holds all the points (physical, mm) with `margin_mm` around
-/// them, clipped to the grid. Its size is zero if all of this lies
-/// outside the grid.
+/// them, clipped to the grid. Its size is zero if the points and their margin lie outside the grid.
 Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& points_mm,
                      double margin_mm);
 
@@ -31,24 +30,25 @@ Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& point
 template <typename T>
 Volume<T> crop(const Volume<T>& volume, const Region& region);
 
-/// `source` sampled on `target`: voxel at p_target takes the value at T_source_target * p_target.
+/// Samples `source` on the grid `target`: the voxel at p_target gets the value at T_source_target *
+/// p_target.
 template <typename T>
 Volume<T> resample(const Volume<T>& source, const Grid& target,
                    const Eigen::Isometry3d& T_source_target, Interpolation interpolation,
                    Outside outside, const Progress& progress = {});
 
-/// Gaussian smoothing with a standard deviation in millimetres per index axis (0 leaves an axis as
-/// it is), cut off at 3 sigma, edges repeated; only the voxels of `region` are computed and
-/// returned. Reads no more than 3 sigma around the region.
+/// Gaussian smoothing with a standard deviation in millimetres per index axis (0: this axis is not
+/// smoothed), truncated at 3 sigma, with edge values repeated. Only the voxels of `region` are
+/// computed and returned; no voxel farther than 3 sigma from the region is read.
 template <typename T>
 Volume<float> smooth_gaussian(const Volume<T>& volume, const Eigen::Vector3d& sigma_mm,
                               const Region& region);
 
-/// Smaller by whole factors per axis: each voxel of the result is at the centre of a block of
-/// `factors` voxels of `region`, smoothed with sigma = 0.5 * factor voxels (no smoothing for factor
-/// 1) and read at the block's centre. Smoothing and decimation are one pass per axis (polyphase):
-/// values that decimation would drop are not computed. Throws InputError if a factor is < 1 or >
-/// the region's size.
+/// Reduces a region by an integer factor per axis. Each voxel of the result lies at the centre of a
+/// block of `factors` voxels, and is the value there after smoothing with sigma = 0.5 * factor
+/// voxels (no smoothing for factor 1). Smoothing and decimation are one pass per axis (polyphase),
+/// so that values that decimation would discard are never computed. Throws InputError if a factor
+/// is < 1 or greater than the size of the region.
 template <typename T>
 Volume<float> shrink(const Volume<T>& volume, const Eigen::Vector3i& factors, const Region& region);
 
@@ -58,8 +58,8 @@ std::vector<Volume<float>> pyramid(const Volume<T>& volume,
                                    const std::vector<Eigen::Vector3i>& factors,
                                    const Region& region);
 
-/// The same values at the same physical positions, with axes permuted and flipped so that they are
-/// as close to the identity as possible.
+/// Permutes and flips the axes so that they come as close to the identity as possible. Every value
+/// stays at its physical position.
 template <typename T>
 Volume<T> reorient_to_axes(const Volume<T>& volume);
 

@@ -9,7 +9,7 @@ namespace usct {
 
 enum class Interpolation { kNearest, kTrilinear };
 
-/// The value of a sample outside the volume. There is no default: each caller decides.
+/// The value of a sample outside the volume. There is no default: each caller has to choose.
 ///
 /// The volume ends half a voxel beyond the centres of its outermost voxels; in that last half voxel
 /// trilinear sampling repeats the edge.
@@ -18,7 +18,7 @@ struct Outside {
   Kind kind;
   float constant_value;
 
-  /// Every sample outside has this value.
+  /// Every sample outside has the value `value`.
   static Outside constant(float value) { return {Kind::kConstant, value}; }
   /// A sample outside has the value of the nearest voxel.
   static Outside edge() { return {Kind::kEdge, 0.0F}; }

@@ -24,8 +24,8 @@ struct Volume {
   T& at(int i, int j, int k) { return voxels[grid.offset(i, j, k)]; }
   const T& at(int i, int j, int k) const { return voxels[grid.offset(i, j, k)]; }
 
-  /// Throws InputError, naming `source`, unless the grid is valid and there is one voxel for each
-  /// of its points.
+  /// Throws InputError, naming `source`, unless the grid is valid and there are as many voxels as
+  /// it has.
   void validate(const std::string& source) const {
     grid.validate(source);
     if (voxels.size() != grid.voxel_count())
@@ -39,7 +39,7 @@ struct Volume {
 using CtVolume = Volume<std::int16_t>;
 /// Scan-converted ultrasound: 8-bit brightness, US frame in millimetres.
 using UsVolume = Volume<std::uint8_t>;
-/// 0 where the volume beside it is unknown, 255 where it is known.
+/// Mask: 255 where the value is known, 0 where it is not.
 using MaskVolume = Volume<std::uint8_t>;
 /// One label per voxel, 0 for background.
 using LabelVolume = Volume<std::uint16_t>;

@@ -15,7 +15,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using phantom::Sequence;
 
-/// What random numbers are for.
+/// Purposes of random numbers, each of which gets a stream of its own.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
 
 Vector3d centroid(const std::vector<Vector3d>& points_mm) {

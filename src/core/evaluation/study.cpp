@@ -36,7 +36,7 @@ std::filesystem::path find_ct(const std::filesystem::path& folder) {
   return found.front();
 }
 
-/// FNV-1a: the same on every machine.
+/// The hash FNV-1a, which is the same on every machine.
 std::uint64_t hash_of(const std::string& text) {
   std::uint64_t hash = 0xCBF29CE484222325ULL;
   for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3ULL;

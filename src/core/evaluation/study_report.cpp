@@ -125,7 +125,7 @@ Json run_json(const StudyRun& run) {
           {"overlap", number_json(run.result.overlap)},
           {"candidates", candidates_json(run)},
           {"evaluations", run.result.evaluations},
-          {"measures", run.result.measures},
+          {"measures", by_name(run.result.measures)},
           {"seconds", run.result.seconds},
           {"options", run.result.options}};
 }

@@ -75,7 +75,8 @@ Grid grid_around_box(const Eigen::Vector3d& min_mm, const Eigen::Vector3d& max_m
   Grid grid;
   grid.size = steps.cast<int>() + Eigen::Vector3i::Ones();
   grid.spacing_mm.setConstant(spacing_mm);
-  // Centred: what the rounding up adds is shared by both ends.
+  // The extent need not be a multiple of the spacing; the grid, which may be larger, is centred on
+  // the box.
   grid.origin_mm = min_mm - 0.5 * (steps * spacing_mm - extent);
   return grid;
 }

@@ -8,11 +8,12 @@
 namespace usct {
 namespace {
 
-/// The segment [i, i + 1] of a table at a continuous index, the outermost ones beyond the ends.
+/// The segment [i, i + 1] of a table that holds a continuous index; beyond the ends, the outermost
+/// segment.
 std::size_t segment_of(const std::vector<double>& values, double index) {
   const auto last = static_cast<double>(values.size() - 2);
-  // Not negative, so that truncation is floor. The order of the arguments takes a NaN to a segment
-  // as well (and the result to NaN).
+  // The argument is not negative, so truncation equals floor. The order of the arguments of min and
+  // max sends a NaN to a valid segment too, and the interpolated value is then NaN.
   return static_cast<std::size_t>(std::max(0.0, std::min(last, index)));
 }
 
@@ -47,8 +48,8 @@ MonotonicTable::MonotonicTable(std::vector<double> values, const std::string& so
 double MonotonicTable::at(double index) const { return interpolate_table(values_, index); }
 
 double MonotonicTable::index_of(double value) const {
-  // The segment that an evenly spaced table would have, then as many steps as the table is uneven.
-  // The outermost segments continue to infinity.
+  // The search begins at the segment that an evenly spaced table would have, and steps from there
+  // as far as the table is uneven. The outermost segments continue to infinity.
   const double guess = (value - values_.front()) * mean_slope_inverse_;
   std::size_t i = segment_of(values_, guess);
   while (i > 0 && (value < values_[i]) == rising_) --i;

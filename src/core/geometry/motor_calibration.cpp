@@ -12,7 +12,8 @@ namespace {
 constexpr int kMinimumFramesPerHalf = 3;
 constexpr int kIterations = 100;
 
-/// A sweep of two halves: angle 0 at `zero_frame`, and the distance of the wires.
+/// The model that is fitted: two half sweeps that meet at angle 0 at `zero_frame`, and the distance
+/// of the wires.
 struct Sweep {
   double zero_frame;
   double step_before_rad;
@@ -25,7 +26,7 @@ struct Sweep {
   double angle_rad(double frame) const { return step_rad(frame) * (frame - zero_frame); }
   double wires_mm(double frame) const { return distance_mm / std::cos(angle_rad(frame)); }
 
-  /// Derivatives of `wires_mm` by zero frame, both steps and distance.
+  /// Derivatives of `wires_mm` with respect to the zero frame, the two steps and the distance.
   Eigen::Vector4d gradient(double frame) const {
     const double angle = angle_rad(frame);
     const double by_angle = wires_mm(frame) * std::tan(angle);
@@ -74,8 +75,9 @@ double angle_of(double true_distance_mm, double distance_mm) {
   return distance_mm > true_distance_mm ? std::acos(true_distance_mm / distance_mm) : 0.0;
 }
 
-/// Angles of the outermost frames joined by straight lines to zero at the vertex of a parabola
-/// through all distances (h is nearly quadratic there).
+/// Initial values of the fit. The vertex of a parabola through all distances gives the zero frame,
+/// since h is nearly quadratic there. The angles of the two outermost frames, divided by their
+/// distances from the zero frame, give the steps.
 Sweep first_guess(const std::vector<Observation>& observations, double true_distance_mm,
                   const std::string& source) {
   const auto n = static_cast<Eigen::Index>(observations.size());
@@ -99,7 +101,8 @@ Sweep first_guess(const std::vector<Observation>& observations, double true_dist
                          std::to_string(zero) + "), must have one between frames " +
                          std::to_string(static_cast<int>(first)) + " and " +
                          std::to_string(static_cast<int>(last)));
-  // From the curvature, if the outermost frame itself is not above the true distance.
+  // Step from the curvature of the parabola, for a half whose outermost frame has no angle by eq
+  // 3.1.
   const double slope = std::sqrt(2.0 * parabola[2] / true_distance_mm);
   const auto step = [&](const Observation& end) {
     const double angle = angle_of(true_distance_mm, end.distance_mm);
@@ -126,7 +129,7 @@ Normal normal_equations(const std::vector<Observation>& observations, const Swee
   return normal;
 }
 
-/// Whether every angle of the sweep is one that a frame can have.
+/// Whether every angle of the sweep is below a right angle, and steps and distance are positive.
 bool is_possible(const std::vector<Observation>& observations, const Sweep& sweep) {
   constexpr double kRightAngle = 1.5707963267948966;
   return sweep.step_before_rad > 0.0 && sweep.step_after_rad > 0.0 && sweep.distance_mm > 0.0 &&
@@ -134,7 +137,7 @@ bool is_possible(const std::vector<Observation>& observations, const Sweep& swee
          std::abs(sweep.angle_rad(observations.back().frame)) < kRightAngle;
 }
 
-/// Levenberg-Marquardt over the first `parameters` parameters (4 with the distance, else 3).
+/// Levenberg-Marquardt over the first `parameters` parameters: 4 with the distance, 3 without.
 Sweep fit(const std::vector<Observation>& observations, Sweep sweep, int parameters) {
   double damping = 1e-3;
   Normal normal = normal_equations(observations, sweep);
@@ -170,7 +173,7 @@ void require_frames_on_both_sides(const MotorCalibration& result, const std::str
                                    "at least " + std::to_string(kMinimumFramesPerHalf));
 }
 
-/// Standard errors from the scatter about the fit.
+/// Sets the standard errors, which follow from the scatter about the fit.
 void set_errors(MotorCalibration& result, const std::vector<Observation>& observations,
                 const Sweep& sweep, int parameters) {
   const Normal normal = normal_equations(observations, sweep);

@@ -1,5 +1,6 @@
 #include "us_ct_registration/geometry/rigid.h"
 
+#include <cmath>
 #include <limits>
 
 #include "text.h"
@@ -26,6 +27,20 @@ void require_rotation(const Eigen::Matrix3d& matrix, const std::string& source,
 void require_rigid(const Eigen::Isometry3d& T, const std::string& source, double tolerance) {
   if (T.translation().allFinite() && deviation_from_rotation(T.linear()) <= tolerance) return;
   throw InputError(source, "is not a finite rotation and translation");
+}
+
+Eigen::Isometry3d rigid_from_quaternion(const Eigen::Quaterniond& rotation,
+                                        const Eigen::Vector3d& translation,
+                                        const std::string& source) {
+  constexpr double kLengthTolerance = 1e-3;
+  if (!translation.allFinite()) throw InputError(source, "the translation is not finite");
+  if (!(std::abs(rotation.norm() - 1.0) <= kLengthTolerance))
+    throw InputError(
+        source, "the quaternion has length " + std::to_string(rotation.norm()) + ", must be 1");
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = rotation.normalized().toRotationMatrix();
+  T.translation() = translation;
+  return T;
 }
 
 }  // namespace usct

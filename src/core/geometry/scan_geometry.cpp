@@ -10,7 +10,8 @@
 namespace usct {
 namespace {
 
-/// Recorded poses are rounded more coarsely than a registration's result.
+/// Recorded poses are rounded more coarsely than the result of a registration, so their tolerance
+/// is wider.
 constexpr double kPoseTolerance = 1e-4;
 
 std::string in_degrees(double angle_rad) { return std::to_string(degrees(angle_rad)) + " degrees"; }
@@ -23,7 +24,7 @@ void validate_axial(const AxialSampling& axial, const std::string& source) {
   require_not_negative(source, "start_depth_mm", axial.start_depth_mm);
 }
 
-/// Angles are tested by `extra_rad` on either side of the table.
+/// The angles beyond either end of the table by `extra_rad` are tested as well.
 void require_within_right_angle(const std::vector<double>& angles_rad, double extra_rad,
                                 const std::string& source, const std::string& field) {
   for (std::size_t i = 0; i < angles_rad.size(); ++i)
@@ -81,7 +82,7 @@ void validate_tracked(const TrackedSweep& sweep, const std::string& source) {
   require_frame_times(sweep.frame_times_s, sweep.T_us_frame.size(), source, "frame_times_s");
 }
 
-/// Travel of the motor at a line, relative to the middle of its frame.
+/// Motor angle at a line minus the motor angle at the middle of its frame.
 double travel_at_line(double frame_travel_rad, int lines, double line) {
   return frame_travel_rad * ((line + 0.5) / lines - 0.5);
 }

@@ -19,7 +19,7 @@ void require_points(const std::vector<Eigen::Vector3d>& points_mm) {
       throw InputError("targets", "point " + std::to_string(i) + " is not finite");
 }
 
-/// Scaled to a diagonal of ones, since rad^2 and mm^2 have no common size.
+/// The covariance is scaled to a unit diagonal first, since rad^2 and mm^2 cannot be compared.
 void require_covariance(const Matrix6d& covariance, const std::string& source) {
   constexpr double kTolerance = 1e-6;
   const auto fail = [&](const char* violation) {
@@ -88,7 +88,7 @@ ExpectedTargetErrors expected_tre_mm(const Matrix6d& covariance,
   for (const Eigen::Vector3d& p_us : points_us_mm) {
     Eigen::Matrix<double, 3, 6> J;
     J << -cross_matrix(p_us), Eigen::Matrix3d::Identity();
-    // A singular covariance may come out a rounding below zero.
+    // Rounding may make the trace of a singular covariance slightly negative.
     squares.push_back(std::max(0.0, (J * covariance * J.transpose()).trace()));
   }
   return {root_mean_square(squares), std::sqrt(*std::max_element(squares.begin(), squares.end()))};

@@ -16,7 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Removes the temporary unless it has been renamed (then nothing of that name is left).
+/// Removes the temporary file at the end of its scope. After a successful rename there is no file
+/// of this name, and nothing is removed.
 class TemporaryFile {
  public:
   explicit TemporaryFile(fs::path path) : path_(std::move(path)) {}
@@ -46,8 +47,8 @@ void check_target(const fs::path& target) {
     throw InputError(target.string(), "folder '" + folder.string() + "' does not exist");
 }
 
-/// Creating the file is the only true test: permissions, access lists and read-only mounts all
-/// show.
+/// Throws InputError unless a file can be created in the folder. Only an attempt tells:
+/// permissions, access lists and read-only mounts can all prevent it.
 void check_folder_is_writable(const fs::path& target, const fs::path& temporary) {
   const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (file < 0)
@@ -57,7 +58,8 @@ void check_folder_is_writable(const fs::path& target, const fs::path& temporary)
   ::unlink(temporary.c_str());
 }
 
-/// Without the flush a crash after the rename could leave an empty file under the final name.
+/// Flushes a file or folder. Without this, a crash after the rename could leave an empty file under
+/// the final name.
 void flush_to_disk(const fs::path& path, int flags) {
   const int file = ::open(path.c_str(), flags | O_CLOEXEC);
   if (file < 0) throw std::runtime_error(path.string() + ": " + std::strerror(errno));

@@ -19,7 +19,7 @@ std::ifstream open(const fs::path& path) {
   if (status.type() == fs::file_type::not_found) throw InputError(path.string(), "does not exist");
   if (error) throw InputError(path.string(), "cannot be opened: " + error.message());
   if (fs::is_directory(status)) throw InputError(path.string(), "is a folder, must be a file");
-  // A pipe or a device has no size to check the header against.
+  // A pipe or a device has no size against which a header could be checked.
   if (!fs::is_regular_file(status)) throw InputError(path.string(), "is not a regular file");
   errno = 0;
   std::ifstream file(path, std::ios::binary);

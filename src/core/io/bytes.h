@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-/// What the readers of src/core/io share: whole files as bytes, and sizes that cannot overflow.
+/// Functions that all readers share: files as bytes, and products of sizes that cannot overflow.
 namespace usct::io {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -19,8 +19,8 @@ Bytes read_bytes(const std::filesystem::path& path);
 /// The first bytes of a file, at most `count`. Throws as `read_bytes`.
 Bytes read_prefix(const std::filesystem::path& path, std::size_t count);
 
-/// `count` bytes of a file from `offset` on, to `out`. Throws as `read_bytes`, and if the file is
-/// shorter.
+/// Reads `count` bytes of a file from `offset` on to `out`. Throws as `read_bytes`, and if the file
+/// is shorter.
 void read_bytes_into(const std::filesystem::path& path, std::uintmax_t offset, void* out,
                      std::size_t count);
 
@@ -28,12 +28,12 @@ void read_bytes_into(const std::filesystem::path& path, std::uintmax_t offset, v
 void write_bytes(const std::filesystem::path& target, const Bytes& bytes);
 void write_text(const std::filesystem::path& target, const std::string& text);
 
-/// Product of sizes that come from a file, none of which can be trusted. Throws InputError, naming
-/// `field`, if a factor is < 1 or the product exceeds 2^62.
+/// Product of sizes from a file, which may be wrong. Throws InputError, naming `field`, if a factor
+/// is < 1 or the product exceeds 2^62.
 std::uint64_t size_product(std::initializer_list<std::int64_t> factors, const std::string& source,
                            const std::string& field);
 
-/// int32, little-endian, at a byte offset that the caller has checked.
+/// The little-endian int32 at a byte offset. The caller must have checked the offset.
 std::int32_t int32_le(const Bytes& bytes, std::size_t offset);
 void append_int32_le(Bytes& bytes, std::int32_t value);
 

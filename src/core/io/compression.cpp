@@ -11,7 +11,7 @@
 namespace usct::io {
 namespace {
 
-constexpr std::uint64_t kLargestRatio = 1032;  // of deflate, by its author (zlib's technical notes)
+constexpr std::uint64_t kLargestRatio = 1032;  // of deflate (zlib's technical notes)
 constexpr std::size_t kChunk = std::size_t{1} << 20;
 constexpr int kGzipWindow = MAX_WBITS + 16;
 
@@ -19,7 +19,7 @@ int window(Compression compression) {
   return compression == Compression::kGzip ? kGzipWindow : MAX_WBITS;
 }
 
-/// zlib counts in 32 bits.
+/// zlib counts bytes in 32 bits, so that larger data are passed in parts.
 uInt zlib_count(std::size_t count) {
   return static_cast<uInt>(std::min<std::size_t>(count, std::numeric_limits<uInt>::max()));
 }
@@ -36,7 +36,7 @@ class Inflater {
   Inflater(const Inflater&) = delete;
   Inflater& operator=(const Inflater&) = delete;
 
-  /// Fills up to `count` bytes; fewer at the end of the data. The result is how many.
+  /// Decompresses up to `count` bytes, fewer at the end of the data. Returns their number.
   std::size_t read(std::uint8_t* target, std::size_t count, const std::string& source) {
     std::size_t done = 0;
     while (done < count && !ended_) {

@@ -9,8 +9,8 @@
 
 namespace usct::io {
 
-/// The `field <separator> value` lines of a text header. A field that is there twice, or lacks
-/// where it is required, is an InputError naming the file and the field.
+/// The `field <separator> value` lines of a text header. A field that is given twice, or missing
+/// where it is required, is an InputError that names the file and the field.
 class HeaderFields {
  public:
   explicit HeaderFields(std::string source, std::map<std::string, std::string> values = {})
@@ -22,11 +22,11 @@ class HeaderFields {
   std::optional<std::string> find(const std::string& field) const;
   const std::string& require(const std::string& field) const;
 
-  /// Exactly `count` whole numbers or finite numbers.
+  /// Throw InputError unless the field holds exactly `count` (whole, or finite) numbers.
   std::vector<int> require_ints(const std::string& field, std::size_t count) const;
   std::vector<double> require_doubles(const std::string& field, std::size_t count) const;
 
-  /// "'field' is value, must be constraint".
+  /// Throws InputError: "'field' is value, must be constraint".
   [[noreturn]] void refuse(const std::string& field, const std::string& constraint) const;
 
  private:

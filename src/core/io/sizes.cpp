@@ -1,4 +1,4 @@
-// Kept apart from the files themselves: the parsers that are fuzzed need only this.
+// These functions are apart from bytes.cpp, because the fuzzed parsers need them but open no files.
 #include "io/bytes.h"
 #include "us_ct_registration/error.h"
 

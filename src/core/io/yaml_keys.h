@@ -11,18 +11,19 @@
 
 namespace usct::io {
 
-/// The keys of a YAML map; in the end every one must have been asked for.
+/// The keys of a YAML map. The reader asks for each key by name, and refuses the keys that it did
+/// not ask for.
 ///
 /// Errors are InputErrors that name the source and the whole path of the key, such as
-/// `stages[1].optimizer.initial_step`.
+/// `search.levels[1].optimizer.initial_step`.
 class YamlKeys {
  public:
-  /// `path` is that of the map, empty for a whole file. Throws unless the node is a map whose keys
-  /// are different texts.
+  /// `path` is the path of the map, empty for a whole file. Throws unless the node is a map whose
+  /// keys are different texts.
   YamlKeys(const YAML::Node& map, std::string source, std::string path = "");
 
   const std::string& source() const { return source_; }
-  /// Path of a key, for messages and for what is below it.
+  /// Path of a key, for messages, and for the YamlKeys of a map under this key.
   std::string path_of(const std::string& key) const {
     return path_.empty() ? key : path_ + "." + key;
   }
@@ -38,7 +39,7 @@ class YamlKeys {
   std::vector<double> table(const std::string& key);
   std::optional<double> optional_number(const std::string& key);
 
-  /// `hint` ends the message.
+  /// Throws InputError for a key that was not asked for; `hint` ends the message.
   void refuse_unknown(const std::string& hint = "") const;
 
  private:

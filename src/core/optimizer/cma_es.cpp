@@ -13,18 +13,19 @@ namespace {
 
 using pagmo::vector_double;
 
-// Matrices of Eigen that pagmo's library allocates are freed here, so both must align memory alike.
-// -mavx or -march=native for this project break that. The address sanitizer does not if all is
-// compiled with -DEIGEN_MALLOC_ALREADY_ALIGNED=1.
+// This file frees Eigen matrices that pagmo's library allocated, so both must align memory in the
+// same way. -mavx or -march=native for this project break that. The address sanitizer does not, if
+// everything is compiled with -DEIGEN_MALLOC_ALREADY_ALIGNED=1.
 static_assert(EIGEN_MALLOC_ALREADY_ALIGNED, "Eigen allocates memory here unlike in pagmo");
 
-/// The evaluator as pagmo wants a problem: copied at will.
+/// Adapts the evaluator to pagmo's interface of a problem, which must be copyable.
 struct PagmoProblem {
   vector_double fitness(const vector_double& units) const {
     const auto size = static_cast<Eigen::Index>(units.size());
     return {evaluator->at_folded(Eigen::Map<const Eigen::VectorXd>(units.data(), size))};
   }
-  /// pagmo takes the width as the first standard deviation of its samples, in steps; no more.
+  /// pagmo uses these bounds only for the standard deviation of its first samples, which is the
+  /// width of the box times the initial step.
   std::pair<vector_double, vector_double> get_bounds() const {
     return {vector_double(dimension, -0.5), vector_double(dimension, 0.5)};
   }
@@ -52,7 +53,8 @@ double spread(const std::vector<vector_double>& points) {
   return std::sqrt((sum_of_squares / count - (sum / count).square()).maxCoeff());
 }
 
-/// Hansen's TolFun: whether costs have been the same, within a tolerance, for long.
+/// Hansen's criterion TolFun: costs have not changed by more than a tolerance over many
+/// generations.
 class Stagnation {
  public:
   Stagnation(double tolerance, std::size_t generations)
@@ -80,8 +82,8 @@ Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
   const std::size_t size = options.population > 0
                                ? static_cast<std::size_t>(options.population)
                                : std::max<std::size_t>(5, default_population(dimension));
-  // The mean of the first generation is the best of what pagmo is given: the start, with its cost,
-  // so that nothing is evaluated here.
+  // pagmo takes the best member of the population for the mean of the first generation. All members
+  // are the start with its known cost, so that this evaluates nothing.
   const double start_cost = std::isfinite(evaluator.start_cost())
                                 ? evaluator.start_cost()
                                 : std::numeric_limits<double>::max();
@@ -90,8 +92,8 @@ Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
   for (std::size_t i = 0; i < size; ++i)
     population.push_back(vector_double(dimension, 0.0), {start_cost});
 
-  // One generation at a time, with memory: pagmo's own criteria look at one random sample (xtol)
-  // and one generation (ftol), and stop on a plateau at once.
+  // pagmo runs one generation at a time and keeps its state. Its own stopping criteria look at one
+  // random sample (xtol) or one generation (ftol), and would stop on a plateau at once.
   constexpr double kAutomatic = -1.0;
   constexpr double kNever = 0.0;
   const pagmo::cmaes cma_es(1u, kAutomatic, kAutomatic, kAutomatic, kAutomatic,

@@ -6,8 +6,9 @@
 namespace usct::optimizer {
 namespace {
 
-/// All numbers onto [lower, upper], 0 onto 0; smooth, so that a minimum on a face looks like any
-/// other, where a mirror would make it an edge. The identity where there are no bounds.
+/// Maps all numbers onto [lower, upper], and 0 onto 0. The map is smooth, so that a minimum on a
+/// face looks like any other minimum; reflection at the face would make it a kink. Without bounds
+/// it is the identity.
 double folded(double value, double lower, double upper) {
   if (std::isinf(lower)) return value;
   const double centre = 0.5 * (lower + upper);
@@ -31,7 +32,7 @@ void Evaluator::evaluate_start() {
 }
 
 double Evaluator::at(const Eigen::VectorXd& units) {
-  // Methods that begin at the start need not pay for it again.
+  // The cost of the start is known; methods that begin there do not evaluate it again.
   if (units.isZero(0.0) && std::isfinite(start_cost_)) return start_cost_;
   if (!units.allFinite())
     throw Stop{OptimizerStatus::kConverged, "rounding allows no further step"};
@@ -54,7 +55,7 @@ double Evaluator::evaluate(const Eigen::VectorXd& units) {
   if (so_far_.evaluations >= options_.max_evaluations)
     throw Stop{OptimizerStatus::kBudgetExhausted,
                "all " + std::to_string(options_.max_evaluations) + " evaluations were made"};
-  // Rounding may have carried a point on a face out of the box.
+  // Rounding may have moved a point on a face out of the box.
   const Eigen::VectorXd parameters = (problem_.start + problem_.scale.cwiseProduct(units))
                                          .cwiseMax(problem_.lower)
                                          .cwiseMin(problem_.upper);

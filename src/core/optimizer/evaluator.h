@@ -8,33 +8,35 @@
 
 namespace usct::optimizer {
 
-/// How an optimization ends. Thrown where it must end at once.
+/// Status and reason with which an optimization ends; thrown to end it at once.
 struct Stop {
   OptimizerStatus status = OptimizerStatus::kFailed;
   std::string reason;
 };
 
-/// The cost as the methods see it: in units, from the start, which is 0. It keeps the promises that
-/// all methods share: box, budget, cancellation, costs that are not finite, the best of all.
+/// The cost as the methods see it: as a function of the displacement from the start in units of
+/// `scale`. It enforces what all methods have in common: box, budget, cancellation, the treatment
+/// of costs that are not finite, and the record of the best point.
 class Evaluator {
  public:
-  /// All three must outlive it.
+  /// The evaluator keeps references to all three arguments.
   Evaluator(const OptimizerProblem& problem, const OptimizerOptions& options,
             const OptimizerHooks& hooks);
 
-  /// The start's cost is evaluated here, and only here. NaN if it is not finite.
+  /// Evaluates the cost of the start; nothing else does. `start_cost()` is NaN if it is not finite.
   void evaluate_start();
   double start_cost() const { return start_cost_; }
 
-  /// The box in units; it contains 0.
+  /// The bounds in units of `scale`, relative to the start; they contain 0.
   const Eigen::VectorXd& lower() const { return lower_; }
   const Eigen::VectorXd& upper() const { return upper_; }
 
-  /// Cost of a point that lies in the box but for rounding. Costs that are not finite come back as
-  /// the worst finite one so far, which keeps arithmetic on them sound; without any, as the largest
-  /// number. Throws Stop.
+  /// The cost of a point in the box (a point outside by rounding is moved into it). Where the cost
+  /// is not finite, the result is the greatest finite cost so far, so that arithmetic on it stays
+  /// sound, or the largest number if there is none. Throws Stop.
   double at(const Eigen::VectorXd& units);
-  /// For methods that know no bounds: all of space is folded into the box. Throws Stop.
+  /// The cost for methods without bounds, which may ask for any point: it is mapped into the box
+  /// first. Throws Stop.
   double at_folded(const Eigen::VectorXd& units);
 
   OptimizerResult result(const Stop& stop) const;
@@ -52,8 +54,8 @@ class Evaluator {
   OptimizerResult so_far_;
 };
 
-/// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt. After evaluate_start(). They return
-/// how they converged, or throw what the evaluator throws.
+/// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt. evaluate_start() must have been
+/// called. They return the status of convergence, or throw what the evaluator throws.
 Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options);
 Stop run_nlopt(Evaluator& evaluator, const OptimizerOptions& options);
 

@@ -13,7 +13,7 @@ namespace {
 
 using NLopt = std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)>;
 
-/// BOBYQA needs two steps between the bounds.
+/// Largest initial step as a share of the width of the box; BOBYQA needs room for two steps.
 constexpr double kStepInBox = 0.45;
 
 nlopt_algorithm algorithm_of(OptimizerMethod method) {
@@ -22,7 +22,8 @@ nlopt_algorithm algorithm_of(OptimizerMethod method) {
   return NLOPT_LN_PRAXIS;
 }
 
-/// What NLopt's C code calls. No exception may pass through C: it is kept, and thrown after.
+/// The callback of NLopt, which is C code that exceptions must not cross: an exception is stored,
+/// and thrown again after NLopt has returned.
 struct Callback {
   Evaluator& evaluator;
   nlopt_opt_s* nlopt;
@@ -35,7 +36,7 @@ struct Callback {
   }
 
   double cost(const Eigen::VectorXd& units) {
-    // Some methods ask again before they heed the stop.
+    // Some methods evaluate once more after they were told to stop.
     if (thrown) return HUGE_VAL;
     try {
       return fold ? evaluator.at_folded(units) : evaluator.at(units);
@@ -74,8 +75,9 @@ Stop run_nlopt(Evaluator& evaluator, const OptimizerOptions& options) {
   const NLopt nlopt(nlopt_create(algorithm_of(options.method), size), &nlopt_destroy);
   if (!nlopt) throw std::bad_alloc();
 
-  // NLopt's Nelder-Mead pins points to faces, where the simplex collapses before it is at the
-  // minimum; its PRAXIS takes infinity beyond them, which spoils the parabolas.
+  // The box is folded for Nelder-Mead and PRAXIS. NLopt's Nelder-Mead moves points beyond a face
+  // onto it, where the simplex collapses before it reaches the minimum; its PRAXIS takes infinity
+  // beyond a face, which spoils its parabolas.
   Callback callback{evaluator, nlopt.get(), options.method != OptimizerMethod::kBobyqa, nullptr};
   nlopt_set_min_objective(nlopt.get(), &Callback::call, &callback);
   if (!callback.fold) {

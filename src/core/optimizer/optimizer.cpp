@@ -19,7 +19,7 @@ constexpr std::array<std::pair<OptimizerMethod, const char*>, 4> kMethods = {{
     {OptimizerMethod::kPraxis, "praxis"},
 }};
 
-/// What pagmo takes.
+/// The smallest population that pagmo accepts.
 constexpr int kSmallestPopulation = 5;
 constexpr double kTolerancesInBox = 4.0;
 

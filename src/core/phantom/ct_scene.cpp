@@ -98,7 +98,7 @@ View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, 
     }
   if (best.score < 0.0)
     throw InputError(kSource, "no skin in the CT from which a probe could see the kidney");
-  // Nobody holds the probe at the very best place.
+  // The probe is held somewhat beside the best position, as by a person.
   const Vector3d aim =
       centre + Vector3d(random.gaussian(0, 3), random.gaussian(0, 3), random.gaussian(0, 4));
   const View held = view_from(

@@ -47,7 +47,7 @@ Isometry3d T_probe_frame(const Acquisition& acquisition, int frame) {
   return acquisition.T_us_probe.inverse() * T_us_frame_of(acquisition.truth, frame, middle);
 }
 
-/// Enough that speckle is fully developed where the beam is narrowest.
+/// Number of scatterers per cell with which speckle is fully developed where the beam is narrowest.
 int scatterers_per_cell(const BeamProfile& profile) {
   constexpr double kPerResolutionCell = 6.0;
   const double lattice_cell_mm3 = std::pow(TissueRaster::kPitchMm, 3);

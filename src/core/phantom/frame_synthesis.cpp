@@ -27,7 +27,7 @@ constexpr float kSideLobeWiden = 3.2F;
 constexpr float kFaint = 1e-4F;
 constexpr float kNothingLeft = 3e-6F;
 
-/// Phasors and Gaussians at a glance; 1/4096 of a turn is -60 dB of error.
+/// Tables of phasors and Gaussians; 4096 entries per turn give an error of -60 dB.
 struct Tables {
   static constexpr int kTurn = 4096;
   static constexpr int kGauss = 2048;
@@ -277,7 +277,8 @@ void FrameSynthesis::add_ringing(const SurfaceScatterer& scatterer, const Place&
                                  const BeamWidth& width, const Echo& first, Signal& signal) const {
   const auto strength = static_cast<float>(options_.reverberation);
   if (strength == 0.0F) return;
-  // Once more between interface and array: a ghost at twice the depth.
+  // The echo travels a second time between interface and array, and appears as a ghost at twice the
+  // depth.
   Echo ghost = first;
   ghost.extra_range_mm += place.depth_mm;
   ghost.amplitude *= strength * (scatterer.is_gas ? 0.07F : 0.03F);

@@ -25,7 +25,7 @@ class FrameSynthesis {
   std::vector<std::complex<float>> echoes(int frame, const TransmissionMap& transmission) const;
 
  private:
-  /// Where a scatterer lies for a frame.
+  /// Position of a scatterer relative to a frame.
   struct Place {
     float along;      // angle, or position of a linear array
     float line;       // continuous index

@@ -41,7 +41,7 @@ class Kidney {
   /// The point of the surface in a direction from the origin.
   Eigen::Vector3d surface_point_mm(const Eigen::Vector3d& direction) const;
 
-  /// Where the main artery, vein and ureter leave: the ends of the pedicle.
+  /// Positions at which the main artery, vein and ureter leave: the ends of the pedicle.
   const Eigen::Vector3d& artery_end_mm() const { return artery_end_; }
   const Eigen::Vector3d& vein_end_mm() const { return vein_end_; }
   const Eigen::Vector3d& half_axes_mm() const { return half_axes_; }

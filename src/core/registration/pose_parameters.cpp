@@ -9,7 +9,7 @@
 namespace usct {
 namespace {
 
-/// Points only set scales here; any that are not on a line in double precision will do.
+/// The points only set scales here, so any that are not on a line in double precision will do.
 constexpr double kLeastSpreadRatio = 1e-6;
 
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rotation_vector_rad) {

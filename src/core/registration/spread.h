@@ -6,7 +6,7 @@
 
 namespace usct::registration {
 
-/// Where points lie, and how they are spread about their centroid.
+/// Centroid of points, and their spread about it.
 struct Spread {
   Eigen::Vector3d centroid_mm;
   /// Mean of `(p - centroid) (p - centroid)^T`, mm^2.

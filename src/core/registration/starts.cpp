@@ -24,8 +24,8 @@ Eigen::Vector3d direction(double height, double turn) {
   return {radius * std::cos(2.0 * kPi * turn), radius * std::sin(2.0 * kPi * turn), z};
 }
 
-/// The angle below which a fraction of the rotations up to `largest_rad` lie: angles of uniform
-/// rotations have the density 1 - cos.
+/// The angle below which a fraction of the rotations up to `largest_rad` lies; the angle of uniform
+/// rotations has the density 1 - cos.
 double angle_of_uniform_rotation(double fraction, double largest_rad) {
   const double area = fraction * (largest_rad - std::sin(largest_rad));
   double low = 0.0;
@@ -68,7 +68,7 @@ std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOpt
   options.validate("start options");
   std::vector<PoseVector> starts{PoseVector::Zero()};
   boost::random::sobol sequence(6);
-  sequence.discard(6);  // its first point is the middle, too
+  sequence.discard(6);  // the sequence's first point is the middle as well
   while (starts.size() < static_cast<std::size_t>(options.count))
     starts.push_back(start(pose, options, next_point(sequence)));
   return starts;

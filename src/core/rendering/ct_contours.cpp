@@ -39,7 +39,7 @@ CtSlice ct_slice(const CtVolume& ct, const Isometry3d& T_us_ct, const SlicePlane
   return slice;
 }
 
-/// Where the slice hardly changes: between tissues it has values that no tissue has.
+/// Mask of pixels away from edges. Pixels between tissues have values that no tissue has.
 cv::Mat1b away_from_edges(const CtSlice& slice, double pixel_mm) {
   constexpr double kSteepestHuPerMm = 8.0;
   cv::Mat1b flat(slice.hu.size(), std::uint8_t{0});
@@ -82,7 +82,7 @@ std::vector<ContourLevel> choose_levels(const CtVolume& ct, const Isometry3d& T_
                                         const MaskVolume& mask,
                                         const std::array<SlicePlane, 3>& planes,
                                         double smoothing_mm) {
-  // What evenly spread values would have; a single normal distribution has 0.64.
+  // Separation of uniformly distributed values; a single normal distribution has 0.64.
   constexpr double kClearSeparation = 0.75;
   constexpr double kSmallestPart = 0.03;
   std::vector<float> soft_hu;

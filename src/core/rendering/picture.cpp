@@ -68,7 +68,8 @@ void write_png(const Picture& picture, const std::filesystem::path& path) {
   if (path.extension() != ".png")
     throw InputError(path.string(),
                      "has extension '" + path.extension().string() + "', a picture's must be .png");
-  // Not by OpenCV, whose codecs bring a hundred libraries: every start of usct would wait for them.
+  // PNG is written by libpng. OpenCV's codecs would load a hundred libraries at every start of
+  // usct.
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(picture.width);

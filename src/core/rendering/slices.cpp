@@ -107,7 +107,7 @@ void draw_points(Picture& picture, const SlicePlane& plane,
     if (!(std::abs(normal.dot(offset_mm)) <= distance_mm)) continue;
     const double x = plane.right.dot(offset_mm) / plane.pixel_mm + 0.5 * (plane.width - 1);
     const double y = plane.down.dot(offset_mm) / plane.pixel_mm + 0.5 * (plane.height - 1);
-    // Also false for what would not fit an int.
+    // The test also rejects coordinates that exceed the range of int.
     if (!(x > 0.5 && y > 0.5 && x < plane.width - 1.5 && y < plane.height - 1.5)) continue;
     for (int dy = -1; dy <= 1; ++dy)
       for (int dx = -1; dx <= 1; ++dx)

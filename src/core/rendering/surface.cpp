@@ -192,7 +192,7 @@ Surface bounded_surface(const Field<T>& field, std::size_t most_triangles) {
 float is_label(std::uint16_t voxel, int label) { return voxel == label ? 1.0F : 0.0F; }
 float as_it_is(std::int16_t voxel, int) { return voxel; }
 
-/// Where each label lies, from one pass.
+/// The region of each label, found in one pass.
 std::map<int, Region> regions_of(const LabelVolume& labels) {
   std::map<int, std::pair<Eigen::Vector3i, Eigen::Vector3i>> corners;
   const Grid& grid = labels.grid;

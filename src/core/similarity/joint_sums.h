@@ -16,11 +16,12 @@ struct JointSums {
   double inside = 0.0;  // samples in the CT
 };
 
-/// Where the knots lie: CT value evenly over the window of the packed CT; gradient g at t = g / (g
-/// + scale), t evenly from 0 to 1, since steep gradients are rare and echo alike.
+/// Positions of the knots: evenly along the CT value over the window of the packed CT; along the
+/// gradient g evenly in t = g / (g + scale) from 0 to 1, since steep gradients are rare and have
+/// similar echoes.
 struct JointSumsInput {
-  PatchKernelInput samples;  // its channel does not matter
-  /// Ultrasound per place of UltrasoundPatches; not a number where the place is only filled up.
+  PatchKernelInput samples;  // its channel is not used
+  /// Ultrasound per place of UltrasoundPatches; NaN at padding.
   const float* ultrasound;
   int rows;
   int columns;

@@ -1,6 +1,6 @@
-// Vectors of unknown size cannot be members; NEON serves the machines that have SVE as well.
+// Vectors of unknown size cannot be members, so SVE is left out; machines that have it run NEON.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
-// Compiled once per instruction set; the best that the machine has is chosen at run time.
+// The file is compiled once per instruction set; the machine's best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/joint_sums_simd.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
@@ -18,26 +18,26 @@ namespace usct::HWY_NAMESPACE {
 JointSums joint_sums(const JointSumsInput& in) { return joint_sums_scalar(in); }
 #else
 
-/// Neighbouring samples often lie between the same knots; each of them has a table of its own, so
-/// that one need not wait for the other's sum.
+/// Neighbouring samples often lie between the same knots; by using different tables they avoid a
+/// store-to-load dependency.
 constexpr std::size_t kTables = 2;
-/// Tables hold what samples between the same four knots give them, side by side: a sample is one
-/// sum, and the knots get theirs when tables are flushed. (row, column), (row, column + 1), (row +
-/// 1, column), (row + 1, column + 1), of each ultrasound and count.
+/// A table has a cell for every four neighbouring knots, with all their sums side by side, so that
+/// a sample is a single sum. Flushing adds the cells to the knots. A cell holds ultrasound and
+/// count at (row, column), (row, column + 1), (row + 1, column) and (row + 1, column + 1).
 constexpr std::size_t kPerCell = 8;
 
 /// Samples after which the tables, in single precision, are added to sums in double precision.
 constexpr std::size_t kBeforeFlush = 1 << 15;
 
-/// Where each lane's sample goes: what the knots of its row get, times 1 - `along` (this row) and
-/// `along` (the next).
+/// Contribution of each lane's sample: `knots` for the two knots of a row, times 1 - `along` for
+/// its own row and `along` for the next; `at` is the number of the cell.
 struct Shares {
   alignas(64) float knots[4 * 16];
   alignas(64) float along[16];
   alignas(64) std::int32_t at[16];
 };
 
-/// Places on the grid of knots, and the last of them that samples lie beyond.
+/// Scales from samples to the grid of knots, and the last row and column at which a cell begins.
 struct Knots {
   explicit Knots(const JointSumsInput& in)
       : rows_per_byte(static_cast<float>(in.rows - 1) / 255.0F),
@@ -53,7 +53,7 @@ struct Knots {
 };
 
 HWY_INLINE void share(const Knots& knots, VF value, VF gradient, VF ultrasound, Shares& shares) {
-  // What is filled up has no ultrasound, and no weight.
+  // Padding has NaN for ultrasound, and gets no weight.
   const MF known = hn::Eq(ultrasound, ultrasound);
   const VF u = hn::IfThenElseZero(known, ultrasound);
   const VF row = hn::Mul(value, hn::Set(df, knots.rows_per_byte));
@@ -99,9 +99,9 @@ void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
 
-/// Adds the samples [first, end) to the tables; returns how many lie in the CT. Three vectors of
-/// samples are in hand at a time: memory brings the CT of the next while this one is interpolated,
-/// and the tables get the one before.
+/// Adds the samples [first, end) to the tables; returns how many lie in the CT. The loop is a
+/// pipeline over three vectors of samples: it fetches the CT of the next while it interpolates this
+/// one and adds the previous one to the tables.
 template <Where kWhere>
 std::size_t add_samples(const JointSumsInput& in, const Constants& constants, const Knots& places,
                         std::size_t first, std::size_t end, LargeVector<float>& tables) {
@@ -143,7 +143,7 @@ JointSums joint_sums(const JointSumsInput& in) {
   const auto add_rest =
       is_moved(in.samples.errors) ? add_samples<Where::kMoved> : add_samples<Where::kAnywhere>;
   std::size_t inside = 0;
-  std::size_t flushed = 0;  // samples
+  std::size_t flushed = 0;  // samples since the last flush
   for (const UltrasoundPatches::Block& block : in.samples.us.blocks) {
     const std::size_t rest = block.begin + rows_inside(in.samples, block) * kLanes;
     const std::size_t end = block.begin + block.rows * kLanes;

@@ -1,4 +1,4 @@
-#include "us_ct_registration/similarity/packed_ct.h"
+#include "similarity/packed_ct.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kLargestByte = 255.0;
 
-/// A row of the CT on the scale of the window.
+/// One row of the CT in bytes, on the scale of the window.
 class RowBytes {
  public:
   RowBytes(const Volume<float>& ct_hu, const HuWindow& window, double step_hu)

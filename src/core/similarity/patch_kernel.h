@@ -3,10 +3,11 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
+#include "similarity/packed_ct.h"
+#include "similarity/ultrasound_patches.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/similarity/packed_ct.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
-#include "us_ct_registration/similarity/ultrasound_patches.h"
+#include "us_ct_registration/similarity/lc2_options.h"
+#include "us_ct_registration/similarity/similarity.h"
 
 /// The inner loops of the similarities of UltrasoundPatches and PackedCt: one pass over the
 /// samples, no intermediate volume. The scalar versions are the reference; the vector versions,
@@ -28,11 +29,11 @@ inline bool is_moved(const AcquisitionErrors& errors) {
   return errors.depth != 0.0 || errors.sweep != 0.0;
 }
 
-/// How many rows of a block have all their samples within the CT, as far as its box tells: all that
-/// are full, or none. They need not be looked at one by one.
+/// Number of rows of a block that need no bounds checks, since all their samples lie in the CT. The
+/// test is on the block's bounding box: all full rows, or none.
 inline std::size_t rows_inside(const PatchKernelInput& in, const UltrasoundPatches::Block& block) {
   if (is_moved(in.errors)) return 0;
-  constexpr double kRounding = 0.01;  // of indices, in single precision
+  constexpr double kRounding = 0.01;  // error of indices in single precision
   const Eigen::Vector3d centre = in.T_index_us * block.box.center().cast<double>();
   const Eigen::Vector3d half =
       in.T_index_us.linear().cwiseAbs() * block.box.sizes().cast<double>() / 2.0;
@@ -42,7 +43,7 @@ inline std::size_t rows_inside(const PatchKernelInput& in, const UltrasoundPatch
   return inside ? block.full_rows : 0;
 }
 
-/// Of all samples of the ultrasound.
+/// Mean of all samples of the ultrasound.
 inline double mean_of(const UltrasoundPatches& us) {
   double sum = 0.0;
   for (const UltrasoundPatches::Patch& patch : us.patches)
@@ -50,15 +51,14 @@ inline double mean_of(const UltrasoundPatches& us) {
   return sum / static_cast<double>(us.count);
 }
 
-/// Throws InputError where the patches lack the beams that errors or channel need.
+/// Makes a kernel's input. Throws InputError if the patches lack beams that errors or channel need.
 inline PatchKernelInput kernel_input(const UltrasoundPatches& us, const PackedCt& ct,
-                                     const Eigen::Isometry3d& T_ct_us,
-                                     const AcquisitionErrors& errors, GradientChannel channel) {
-  if (!us.has_beams() && (is_moved(errors) || channel == GradientChannel::kAlongBeam))
+                                     const SimilarityPose& pose, GradientChannel channel) {
+  if (!us.has_beams() && (is_moved(pose.errors) || channel == GradientChannel::kAlongBeam))
     throw InputError("ultrasound patches",
                      "have no beams, must have them for acquisition errors "
                      "and for gradients along beams");
-  return {ct, us, ct.grid().T_index_physical() * T_ct_us, errors, channel};
+  return {ct, us, ct.grid().T_index_physical() * pose.T_ct_us, pose.errors, channel};
 }
 
 /// Sums over each strand of a block; m is the CT value minus the background in steps of a byte
@@ -71,30 +71,30 @@ struct StrandSums {
   float um[kLanes], ug[kLanes];
 };
 
-/// Of the blocks [first, last); one entry each.
+/// Sums of the strands of the blocks [first, last); one entry each.
 void sum_strands_scalar(const PatchKernelInput& input, std::size_t first, std::size_t last,
                         StrandSums* sums);
 void sum_strands_simd(const PatchKernelInput& input, std::size_t first, std::size_t last,
                       StrandSums* sums);
 
-/// CT values of the samples of a block (kLanes * rows), in steps of a byte; the background where
-/// they lie outside, as what fills up the block does. Returns how many lie inside.
+/// CT values of the samples of a block (kLanes * rows), in steps of a byte; samples outside the CT
+/// and padding get the background. Returns how many lie inside.
 std::size_t sample_block_scalar(const PatchKernelInput& input, std::size_t block, float* values);
 std::size_t sample_block_simd(const PatchKernelInput& input, std::size_t block, float* values);
 
-/// Added to variances of m and g, as a share of their mean squares: what the rounding of the sums
-/// may make of nothing.
+/// Added to the variances of m and g, as a share of their mean squares, since the rounding of the
+/// sums can make a variance of this size out of 0.
 constexpr double kLc2Floor = 1e-6;
 
-/// How much of the ultrasound's variance CT value and gradient explain: see explained_share.
+/// The ridge of explained_share.
 struct Lc2Ridge {
   double intensity = 0.0;  // steps of a byte
-  double gradient = 0.0;   // ... per mm
+  double gradient = 0.0;   // steps of a byte per mm
   bool positive_gradient = false;
 };
 
-/// Sums over a patch (or all samples), of u, m and g as in StrandSums; `count` counts those outside
-/// the CT as well, and the sum of u is 0.
+/// Sums over a patch (or all samples) of u, m and g as in StrandSums; `count` includes samples
+/// outside the CT, and the sum of u is 0.
 struct PatchMoments {
   double count = 0.0;
   double uu = 0.0;
@@ -105,11 +105,11 @@ struct PatchMoments {
 
 /// Share of the variance of u that a * m + b * g + c explains, in [0, 1]; the weights minimise the
 /// squared residual plus count * ((intensity * a)^2 + (gradient * b)^2), with b >= 0 if
-/// `positive_gradient`. 0 if there is nothing to explain, or nothing to explain it with.
+/// `positive_gradient`. 0 if u is constant, or both m and g are.
 double explained_share(const PatchMoments& sums, const Lc2Ridge& ridge);
 
-/// The same for one block of patches of one strand; count and uu per lane (0 in lanes without a
-/// patch).
+/// explained_share for one block of single-strand patches; count and uu are per lane (0 in lanes
+/// without a patch).
 void explained_shares_scalar(const StrandSums& sums, const double* count, const double* uu,
                              const Lc2Ridge& ridge, double* shares);
 void explained_shares_simd(const StrandSums& sums, const double* count, const double* uu,

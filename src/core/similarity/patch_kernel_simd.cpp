@@ -1,6 +1,6 @@
-// Vectors of unknown size cannot be members; NEON serves the machines that have SVE as well.
+// Vectors of unknown size cannot be members, so SVE is left out; machines that have it run NEON.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
-// Compiled once per instruction set; the best that the machine has is chosen at run time.
+// The file is compiled once per instruction set; the machine's best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/patch_kernel_simd.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
@@ -12,7 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
 
-// A machine of which Highway knows no vector instructions runs the reference.
+// A machine without vector instructions known to Highway runs the scalar reference.
 #if HWY_TARGET == HWY_SCALAR
 void sum_strands(const PatchKernelInput& in, std::size_t first, std::size_t last,
                  StrandSums* sums) {
@@ -44,12 +44,12 @@ HWY_INLINE VF gradient_of(const UltrasoundPatches& us, const Constants& k, std::
                                        hn::Mul(ct.gk, turned(k.m[2], dx, dy, dz, zero)))));
 }
 
-/// Of the strands of one vector.
+/// Sums of the strands of one vector.
 struct LaneSums {
   VF inside, m, g, mm, gg, mg, um, ug;
 };
 
-/// Adds rows whose first sample is `s`. Memory brings the CT of the next row while this one is
+/// Adds rows whose first sample is `s`. The CT of the next row is fetched while this one is
 /// interpolated.
 template <GradientChannel kChannel, Where kWhere>
 HWY_INLINE void add_rows(const UltrasoundPatches& us, const Constants& k, std::size_t s,
@@ -57,7 +57,7 @@ HWY_INLINE void add_rows(const UltrasoundPatches& us, const Constants& k, std::s
   const VF zero = hn::Zero(df);
   const VF one = hn::Set(df, 1.0F);
   if (rows == 0) return;
-  LaneSums sum = sums;  // in registers
+  LaneSums sum = sums;  // a copy in registers
   const std::size_t last = s + (rows - 1) * kLanes;
   Cells next = fetch<kWhere>(us, k, s);
   for (; s <= last; s += kLanes) {
@@ -143,7 +143,7 @@ std::size_t sample_block(const PatchKernelInput& in, std::size_t block, float* v
 
 HWY_INLINE VD wide(const float* values) { return hn::PromoteTo(dd, hn::LoadU(df_half, values)); }
 
-/// As explained_share, lane by lane.
+/// explained_share, lane by lane.
 HWY_INLINE VD shares_of(const StrandSums& sums, std::size_t i, VD n, VD uu, const Lc2Ridge& ridge) {
   const VD zero = hn::Zero(dd);
   const VD tiny = hn::Set(dd, kLc2Floor);

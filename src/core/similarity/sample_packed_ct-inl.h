@@ -1,5 +1,5 @@
-// Sampling of a packed CT at ultrasound, for all lanes at once. Compiled once per instruction set:
-// included by the kernels after hwy/foreach_target.h, hence the guard that toggles.
+// Sampling of a packed CT at ultrasound, for all lanes at once. The kernels include this file after
+// hwy/foreach_target.h, once per instruction set; hence the guard that toggles.
 #if defined(USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_
 #undef USCT_SIMILARITY_SAMPLE_PACKED_CT_INL_H_
@@ -16,7 +16,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
 
-// A machine of which Highway knows no vector instructions runs the reference.
+// A machine without vector instructions known to Highway runs the scalar reference.
 #if HWY_TARGET != HWY_SCALAR
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -29,8 +29,9 @@ using VI = hn::Vec<decltype(di)>;
 using VU = hn::Vec<decltype(du)>;
 using MF = hn::Mask<decltype(df)>;
 
-/// Floats from 2^23 to 2^24 are the whole numbers, and their last bits count them: what is rounded
-/// to such a float is an index. Indices are shifted by two, for below 2^23 there are halves.
+/// The floats from 2^23 to 2^24 are the whole numbers, and their last bits count them, so rounding
+/// to such a float gives an index. Indices are shifted by two, since floats below 2^23 include
+/// halves.
 constexpr float kWhole = 8388608.0F;
 constexpr float kShift = 2.0F;
 
@@ -40,7 +41,7 @@ inline std::uint32_t bits_of(float value) {
   return bits;
 }
 
-/// What stays the same for all samples.
+/// Constants that all samples share.
 struct Constants {
   explicit Constants(const PatchKernelInput& in) {
     for (int r = 0; r < 3; ++r) {
@@ -65,9 +66,9 @@ struct Constants {
   float last[3];    // index, + kShift
   float per_mm[3];
   std::int32_t stride_j;     // pairs per row
-  std::size_t stride_k;      // and per slice
-  float rows;                // per slice
-  std::uint32_t first_cell;  // what bits of column and row make of cell 0
+  std::size_t stride_k;      // pairs per slice
+  float rows;                // rows per slice
+  std::uint32_t first_cell;  // sum of the bits for cell 0
   float background;
   float depth_error, sweep_error;
 };
@@ -86,13 +87,13 @@ HWY_INLINE VF byte_of(VU word) {
   return hn::ConvertTo(df, hn::BitCast(di, byte));
 }
 
-/// Whole numbers in [0, 2^23) as integers; less work than a conversion that minds overflow.
+/// Whole numbers in [0, 2^23) as integers; cheaper than a conversion that checks for overflow.
 HWY_INLINE VI whole(VF value) {
   const VF offset = hn::Set(df, kWhole);
   return hn::Sub(hn::BitCast(di, hn::Add(value, offset)), hn::BitCast(di, offset));
 }
 
-/// Positions where AcquisitionErrors move the samples to.
+/// Moves positions by AcquisitionErrors.
 HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_t s, VF& x, VF& y,
                      VF& z) {
   const VF along = hn::Mul(hn::Set(df, k.depth_error), hn::LoadU(df, us.depth_mm.data() + s));
@@ -108,22 +109,23 @@ HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_
 }
 
 /// The corners of cells as bytes (k = 0 in `low`, 1 in `high`; their pairs at i, then at i + 1),
-/// and where in them samples lie.
+/// and the positions of samples in the cells.
 struct Cells {
-  MF inside;  // none where all are known to be
+  MF inside;  // not set if all are known to lie inside
   VU low, high;
   VF ti, tj, tk;
 };
 
-/// Two pairs each, offsets in bytes.
+/// Loads two neighbouring pairs per lane, at offsets in bytes.
 HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
   return hn::GatherOffset(du, reinterpret_cast<const std::uint32_t*>(pairs), offsets);
 }
 
-/// Where a row of samples lies: anywhere; all in the CT; anywhere, and AcquisitionErrors move it.
+/// Location of a row of samples: anywhere; entirely within the CT; or anywhere, and moved by
+/// AcquisitionErrors.
 enum class Where { kAnywhere, kInside, kMoved };
 
-/// Whether indices + kShift have a cell.
+/// Whether a cell exists at indices + kShift.
 HWY_INLINE MF in_ct(const Constants& k, VF x, VF y, VF z) {
   const VF first = hn::Set(df, kShift);
   return hn::And(hn::And(hn::And(hn::Ge(x, first), hn::Lt(x, hn::Set(df, k.last[0]))),
@@ -140,8 +142,8 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
   const VF x = turned(k.m[0], px, py, pz, hn::Set(df, k.origin[0]));
   const VF y = turned(k.m[1], px, py, pz, hn::Set(df, k.origin[1]));
   const VF z = turned(k.m[2], px, py, pz, hn::Set(df, k.origin[2]));
-  // Down to whole numbers, + kWhole. Whole ones may end up one lower, at the end of the cell
-  // before.
+  // Rounds down to whole numbers, + kWhole. A whole number may become one less, which means the end
+  // of the previous cell.
   const VF down = hn::Set(df, kWhole - 0.5F);
   const VF i = hn::Add(x, down);
   const VF j = hn::Add(y, down);
@@ -164,7 +166,7 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
           hn::Sub(z, fz)};
 }
 
-/// Value, and gradient per voxel.
+/// CT value, and gradient per voxel.
 struct Sampled {
   VF value, gi, gj, gk;
 };
@@ -174,7 +176,7 @@ HWY_INLINE Sampled interpolate(const Cells& c) {
   const VF c010 = byte_of<1>(c.low);
   const VF c001 = byte_of<0>(c.high);
   const VF c011 = byte_of<1>(c.high);
-  // Slopes along i on the four edges, then bilinearly between them.
+  // Slopes along i on the four edges are interpolated bilinearly.
   const VF s00 = hn::Sub(byte_of<2>(c.low), c000);
   const VF s10 = hn::Sub(byte_of<3>(c.low), c010);
   const VF s01 = hn::Sub(byte_of<2>(c.high), c001);
@@ -192,7 +194,7 @@ HWY_INLINE Sampled interpolate(const Cells& c) {
           lerp(slope_j0, slope_j1, c.tk), gk};
 }
 
-/// `value` where a sample lies in the CT, `outside` elsewhere.
+/// `value` if a sample lies in the CT, `outside` otherwise.
 template <Where kWhere>
 HWY_INLINE VF if_inside(const Cells& cells, VF value, VF outside) {
   return kWhere == Where::kInside ? value : hn::IfThenElse(cells.inside, value, outside);

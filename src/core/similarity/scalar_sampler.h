@@ -11,7 +11,7 @@ class ScalarSampler {
  public:
   using Vector3f = Eigen::Vector3f;
 
-  /// Value, and gradient per voxel.
+  /// CT value, and gradient per voxel.
   struct Sampled {
     float value;
     Vector3f gradient;
@@ -25,7 +25,7 @@ class ScalarSampler {
         depth_error_(static_cast<float>(in.errors.depth)),
         sweep_error_(static_cast<float>(in.errors.sweep)) {}
 
-  /// False outside the CT.
+  /// Samples the CT; false outside it.
   bool sample(std::size_t s, Sampled& ct) const {
     const UltrasoundPatches& us = in_.us;
     Vector3f p(us.x_mm[s], us.y_mm[s], us.z_mm[s]);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "require.h"
+#include "similarity/pose_by_pose.h"
 #include "similarity/simulated_lc2_kernel.h"
 #include "us_ct_registration/geometry/rigid.h"
 
@@ -19,20 +20,20 @@ using simulated_lc2::Scene;
 using simulated_lc2::Sums;
 
 constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
-// As in fit_to_ultrasound.
+// These two thresholds are those of fit_to_ultrasound.
 constexpr double kConstant = 1e-12;
 constexpr double kCollinear = 1e-9;
 
-/// The CT with the differences of its voxels' neighbours.
-class PackedCt {
+/// The CT, where each voxel is stored with the differences of its neighbours.
+class DifferencedCt {
  public:
-  PackedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
+  DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
       : grid_(ct.grid), hu_(ct.voxels), voxels_(ct.voxels.size()) {
     hu_.push_back(0);
     const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
     const CtVolume& seen = window ? limited : ct;
     const auto [least, most] = std::minmax_element(seen.voxels.begin(), seen.voxels.end());
-    // The whole range of 16 bits apart, differences fit as they are.
+    // Differences need a unit of 2 HU only if CT values span more than 15 bits.
     unit_ = int{*most} - int{*least} > INT16_MAX ? 2 : 1;
     for (int k = 0; k < grid_.size.z(); ++k)
       for (int j = 0; j < grid_.size.y(); ++j)
@@ -106,7 +107,7 @@ class BlockedUltrasound {
   std::size_t usable() const { return usable_; }
   double mean() const { return mean_; }
 
-  /// Samples behind the last that counts are left out.
+  /// Leaves out samples behind the last that counts.
   void describe(int block, Block& result) const {
     result.ultrasound = values_.data() + static_cast<std::size_t>(block) * block_size();
     result.samples = samples_used_[static_cast<std::size_t>(block)];
@@ -164,9 +165,8 @@ Scene described(const SimulationOptions& options, bool use_background) {
   return scene;
 }
 
-/// Sum of (U - f)^2 where the sound arrives, f being the best combination of p, r and 1: no better
-/// than that of the varying ones among p and r, and of one of them if they are collinear. Not a
-/// number if neither varies.
+/// Sum of (U - f)^2 over insonified samples, with f the best combination of p, r and 1. Of p and r
+/// a constant one is left out, and one of them if they are collinear. NaN if neither varies.
 double least_residual(const Sums& sums, double p_origin) {
   const auto n = static_cast<double>(sums.insonified);
   const auto is_constant = [&](double deviations, double squares, double mean) {
@@ -182,18 +182,18 @@ double least_residual(const Sums& sums, double p_origin) {
   const double ur = r_varies ? (sums.ur - sums.u * sums.r / n) / std::sqrt(rr) : 0.0;
   const double c =
       p_varies && r_varies ? (sums.pr - sums.p * sums.r / n) / std::sqrt(pp) / std::sqrt(rr) : 0.0;
-  // By the eigenvectors of the correlation matrix of p and r.
+  // Uses the eigenvectors of the correlation matrix of p and r.
   double explained = 0.0;
   if (1.0 + c > kCollinear) explained += 0.5 * (up + ur) * (up + ur) / (1.0 + c);
   if (1.0 - c > kCollinear) explained += 0.5 * (up - ur) * (up - ur) / (1.0 - c);
   return std::max(0.0, uu - explained);
 }
 
-/// The same with given weights.
+/// The residual with given weights.
 double residual(const SimulationWeights& weights, const Sums& sums, double u_mean,
                 double p_origin) {
   const auto n = static_cast<double>(sums.insonified);
-  Eigen::Matrix4d moments;  // of U, p, r and 1, of which sums take differences from an origin
+  Eigen::Matrix4d moments;  // second moments of U, p, r and 1, relative to the origins of the sums
   moments << sums.uu, sums.up, sums.ur, sums.u,  //
       sums.up, sums.pp, sums.pr, sums.p,         //
       sums.ur, sums.pr, sums.rr, sums.r,         //
@@ -203,7 +203,7 @@ double residual(const SimulationWeights& weights, const Sums& sums, double u_mea
   return w.dot(moments * w);
 }
 
-class SimulatedLc2 final : public Similarity {
+class SimulatedLc2 final : public PoseByPose {
  public:
   SimulatedLc2(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded,
                const CtVolume& ct, const SimulationOptions& simulation, const FitOptions& fit)
@@ -216,21 +216,21 @@ class SimulatedLc2 final : public Similarity {
     ct_.describe(scene_);
   }
 
-  SimilarityValue evaluate(const Eigen::Isometry3d& T_ct_us,
-                           const AcquisitionErrors& errors) const override {
-    require_rigid(T_ct_us, "T_ct_us");
+ private:
+  SimilarityValue value_at(const SimilarityPose& pose) const override {
+    const AcquisitionErrors& errors = pose.errors;
+    require_rigid(pose.T_ct_us, "T_ct_us");
     require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
             errors.depth, "finite and > -1");
     require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
             "0: this metric does not know it");
-    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * T_ct_us;
+    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * pose.T_ct_us;
     Sums sums;
     for (int block = 0; block < ultrasound_.blocks(); ++block)
       simulated_lc2::add_block(scene_, block_at(block, T_index_us, 1.0 + errors.depth), sums);
     return value_of(sums);
   }
 
- private:
   Block block_at(int index, const Eigen::Affine3d& T_index_us, double stretch) const {
     Block block;
     ultrasound_.describe(index, block);
@@ -240,7 +240,7 @@ class SimulatedLc2 final : public Similarity {
     block.transmission_power =
         transmission_length_mm_ ? static_cast<float>(spacing_mm / *transmission_length_mm_) : 0.0F;
     for (int lane = 0; lane < kLinesPerBlock; ++lane) {
-      // Lanes beyond the last line hold nothing that counts.
+      // Lanes beyond the last line hold no samples that count.
       const int line = std::min(ultrasound_.first_line(index) + lane, beams_.lines - 1);
       const Beam& beam = beams_.beam(ultrasound_.frame(index), line);
       const Eigen::Vector3d step = T_index_us.linear() * beam.direction;
@@ -279,13 +279,31 @@ class SimulatedLc2 final : public Similarity {
 
   BeamGrid beams_;
   BlockedUltrasound ultrasound_;
-  PackedCt ct_;
+  DifferencedCt ct_;
   Scene scene_;
   std::optional<double> transmission_length_mm_;
   FitOptions fit_;
 };
 
 }  // namespace
+
+SimilarityNeeds SimulatedLc2Options::needs() const {
+  SimilarityNeeds needs;
+  needs.recorded_ct = true;
+  needs.follows_depth_error = true;
+  return needs;
+}
+
+void SimulatedLc2Options::validate(const std::string& source) const {
+  simulation.validate(source + ".simulation");
+  fit.validate(source + ".fit");
+}
+
+std::shared_ptr<const Similarity> make(SimilarityImages& images,
+                                       const SimulatedLc2Options& options) {
+  return make_simulated_lc2(images.ultrasound(), {}, images.recorded_ct(), options.simulation,
+                            options.fit);
+}
 
 std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
                                                      const std::vector<std::uint8_t>& excluded,

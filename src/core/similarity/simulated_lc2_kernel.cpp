@@ -2,250 +2,32 @@
 
 #include <cmath>
 
-// Vectors are members of structs, which scalable ones cannot be; SSSE3 without SSE4 is extinct.
+// Vectors are struct members, which rules out scalable ones; SSSE3 without SSE4 is extinct.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/simulated_lc2_kernel.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h.
+// This must come after foreach_target.h.
 #include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
+
+#include "similarity/simulated_lc2_voxels-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::simulated_lc2::HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
+/// How many samples ahead of its use the CT is prefetched.
 constexpr int kSamplesAhead = 4;
-
-using D = hn::CappedTag<float, kLinesPerBlock>;
-using DI = hn::RebindToSigned<D>;
-#if HWY_TARGET == HWY_SCALAR
-using DD = hn::Rebind<double, D>;
-#else
-using DD = hn::Repartition<double, D>;
-#endif
-using V = hn::Vec<D>;
-using VI = hn::Vec<DI>;
-using VD = hn::Vec<DD>;
-using M = hn::Mask<D>;
-constexpr D d;
-constexpr DI di;
-
-HWY_INLINE M none() { return hn::FirstN(d, 0); }
-
-HWY_INLINE V lerp(V a, V b, V w) { return hn::MulAdd(w, hn::Sub(b, a), a); }
-
-struct Index {
-  V x, y, z;
-};
-
-/// Where a continuous index lies among the voxels.
-struct Cell {
-  Index index;  // within the CT
-  VI lower;     // offset of the voxel at or below
-  Index w;      // weights of the ones above
-};
-
-HWY_INLINE M within(const Scene& scene, int axis, V index) {
-  const V end = hn::Set(d, static_cast<float>(scene.size[axis]) - 0.5F);
-  return hn::And(hn::Ge(index, hn::Set(d, -0.5F)), hn::Lt(index, end));
-}
-
-HWY_INLINE M contains(const Scene& scene, const Index& index) {
-  return hn::And(within(scene, 0, index.x),
-                 hn::And(within(scene, 1, index.y), within(scene, 2, index.z)));
-}
-
-HWY_INLINE V last_of(const Scene& scene, int axis) {
-  return hn::Set(d, static_cast<float>(scene.size[axis] - 1));
-}
-
-HWY_INLINE V kept_within(const Scene& scene, int axis, V index) {
-  index = hn::Min(hn::Max(index, hn::Zero(d)), last_of(scene, axis));
-  return scene.nearest ? hn::Floor(hn::Add(index, hn::Set(d, 0.5F))) : index;
-}
-
-HWY_INLINE Index kept_within(const Scene& scene, const Index& index) {
-  return {kept_within(scene, 0, index.x), kept_within(scene, 1, index.y),
-          kept_within(scene, 2, index.z)};
-}
-
-/// With trilinear sampling the voxel above is in the CT as well, with a weight of 1 at its end.
-HWY_INLINE VI lower_voxel(const Scene& scene, int axis, V index) {
-  const int above = scene.nearest || scene.size[axis] == 1 ? 0 : 1;
-  return hn::Min(hn::ConvertTo(di, index), hn::Set(di, scene.size[axis] - 1 - above));
-}
-
-/// Of an index within the CT.
-HWY_INLINE Cell cell_at(const Scene& scene, const Index& index) {
-  const VI i = lower_voxel(scene, 0, index.x);
-  const VI j = lower_voxel(scene, 1, index.y);
-  const VI k = lower_voxel(scene, 2, index.z);
-  const VI row = hn::Add(hn::Mul(k, hn::Set(di, scene.size[1])), j);
-  return {index,
-          hn::Add(hn::Mul(row, hn::Set(di, scene.size[0])), i),
-          {hn::Sub(index.x, hn::ConvertTo(d, i)), hn::Sub(index.y, hn::ConvertTo(d, j)),
-           hn::Sub(index.z, hn::ConvertTo(d, k))}};
-}
-
-/// Offsets from a voxel to the next along each axis.
-struct Strides {
-  explicit HWY_INLINE Strides(const Scene& scene)
-      : x(scene.size[0] > 1 ? 1 : 0),
-        y(scene.size[1] > 1 ? scene.size[0] : 0),
-        z(scene.size[2] > 1 ? std::int64_t{scene.size[0]} * scene.size[1] : 0) {}
-  std::int64_t x, y, z;
-};
-
-/// Interpolated values of PackedVoxel.
-struct Voxels {
-  V hu;
-  Index difference;
-};
-
-#if HWY_TARGET == HWY_SCALAR
-
-HWY_INLINE Voxels load(const PackedVoxel& voxel) {
-  const auto value = [](std::int16_t hu) { return hn::Set(d, static_cast<float>(hu)); };
-  return {value(voxel.hu),
-          {value(voxel.difference[0]), value(voxel.difference[1]), value(voxel.difference[2])}};
-}
-
-HWY_INLINE Voxels lerp(const Voxels& a, const Voxels& b, V w) {
-  return {lerp(a.hu, b.hu, w),
-          {lerp(a.difference.x, b.difference.x, w), lerp(a.difference.y, b.difference.y, w),
-           lerp(a.difference.z, b.difference.z, w)}};
-}
-
-template <bool kNearest>
-HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
-  const PackedVoxel* voxels = scene.voxels + hn::GetLane(cell.lower);
-  if (kNearest) return load(*voxels);
-  const Strides step(scene);
-  const auto along_x = [&](std::int64_t start) {
-    return lerp(load(voxels[start]), load(voxels[start + step.x]), cell.w.x);
-  };
-  return lerp(lerp(along_x(0), along_x(step.y), cell.w.y),
-              lerp(along_x(step.z), along_x(step.z + step.y), cell.w.y), cell.w.z);
-}
-
-#else
-
-using DI64 = hn::Repartition<std::int64_t, D>;
-
-/// Half of the lanes of Voxels: hu and difference[1] in turn, difference[0] and [2] in turn.
-struct Pairs {
-  V even, odd;
-};
-
-HWY_INLINE Pairs load(const PackedVoxel* voxels, hn::Vec<DI64> offsets) {
-  const auto* words = reinterpret_cast<const std::int64_t*>(voxels);
-  const VI both = hn::BitCast(di, hn::GatherIndex(DI64(), words, offsets));
-  return {hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(both))),
-          hn::ConvertTo(d, hn::ShiftRight<16>(both))};
-}
-
-HWY_INLINE Pairs lerp(const Pairs& a, const Pairs& b, V w) {
-  return {lerp(a.even, b.even, w), lerp(a.odd, b.odd, w)};
-}
-
-HWY_INLINE Pairs trilinear(const Scene& scene, hn::Vec<DI64> offsets, const Index& w) {
-  const Strides step(scene);
-  const auto along_x = [&](std::int64_t start) HWY_ATTR {
-    const PackedVoxel* row = scene.voxels + start;
-    return lerp(load(row, offsets), load(row + step.x, offsets), w.x);
-  };
-  return lerp(lerp(along_x(0), along_x(step.y), w.y),
-              lerp(along_x(step.z), along_x(step.z + step.y), w.y), w.z);
-}
-
-template <bool kNearest>
-HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
-  // Lanes 0 1, 4 5, ... and 2 3, 6 7, ...: what interleaving within 128 bits gives.
-  const auto low = hn::BitCast(DI64(), hn::InterleaveLower(di, cell.lower, hn::Zero(di)));
-  const auto high = hn::BitCast(DI64(), hn::InterleaveUpper(di, cell.lower, hn::Zero(di)));
-  const auto pairs = [&](hn::Vec<DI64> offsets, const Index& w) HWY_ATTR {
-    return kNearest ? load(scene.voxels, offsets) : trilinear(scene, offsets, w);
-  };
-  const Index& w = cell.w;
-  const Pairs a = pairs(low, {hn::InterleaveLower(d, w.x, w.x), hn::InterleaveLower(d, w.y, w.y),
-                              hn::InterleaveLower(d, w.z, w.z)});
-  const Pairs b = pairs(high, {hn::InterleaveUpper(d, w.x, w.x), hn::InterleaveUpper(d, w.y, w.y),
-                               hn::InterleaveUpper(d, w.z, w.z)});
-  const V even_low = hn::InterleaveLower(d, a.even, b.even);
-  const V even_high = hn::InterleaveUpper(d, a.even, b.even);
-  const V odd_low = hn::InterleaveLower(d, a.odd, b.odd);
-  const V odd_high = hn::InterleaveUpper(d, a.odd, b.odd);
-  return {hn::InterleaveLower(d, even_low, even_high),
-          {hn::InterleaveLower(d, odd_low, odd_high), hn::InterleaveUpper(d, even_low, even_high),
-           hn::InterleaveUpper(d, odd_low, odd_high)}};
-}
-
-#endif
-
-/// The CT as it is.
-HWY_INLINE V hu_at(const Scene& scene, const Cell& cell) {
-  const Strides step(scene);
-  const VI bytes = hn::ShiftLeft<1>(cell.lower);
-  const auto along_x = [&](std::int64_t start) HWY_ATTR {
-    const VI two =
-        hn::GatherOffset(di, reinterpret_cast<const std::int32_t*>(scene.hu + start), bytes);
-    const V low = hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(two)));
-    return lerp(low, hn::ConvertTo(d, hn::ShiftRight<16>(two)), cell.w.x);
-  };
-  if (scene.nearest) return along_x(0);
-  return lerp(lerp(along_x(0), along_x(step.y), cell.w.y),
-              lerp(along_x(step.z), along_x(step.z + step.y), cell.w.y), cell.w.z);
-}
-
-HWY_INLINE V ahead(const Scene& scene, int axis, V index) {
-  return hn::Min(hn::Add(index, hn::Set(d, 1.0F)), last_of(scene, axis));
-}
-HWY_INLINE V behind(V index) { return hn::Max(hn::Sub(index, hn::Set(d, 1.0F)), hn::Zero(d)); }
-
-/// Whether the sample and the points of its gradient are free of gas.
-HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index) {
-  const auto hu = [&](V x, V y, V z) HWY_ATTR { return hu_at(scene, cell_at(scene, {x, y, z})); };
-  const auto [x, y, z] = index;
-  const V along_x = hn::Min(hu(ahead(scene, 0, x), y, z), hu(behind(x), y, z));
-  const V along_y = hn::Min(hu(x, ahead(scene, 1, y), z), hu(x, behind(y), z));
-  const V along_z = hn::Min(hu(x, y, ahead(scene, 2, z)), hu(x, y, behind(z)));
-  const V lowest = hn::Min(hn::Min(hu(x, y, z), along_x), hn::Min(along_y, along_z));
-  return hn::Ge(lowest, hn::Set(d, scene.gas_hu));
-}
-
-/// Change of mu per voxel: differences over the voxels that they span, 2 but for the border.
-HWY_INLINE V per_voxel(const Scene& scene, int axis, V index, V difference) {
-  const V apart = hn::Sub(ahead(scene, axis, index), behind(index));
-  const V unit = hn::Set(d, scene.difference_unit);
-  return hn::Div(hn::Mul(difference, unit), hn::Max(apart, hn::Set(d, 1.0F)));
-}
-
-HWY_INLINE M is_inner(const Scene& scene, int axis, V index) {
-  const V one = hn::Set(d, 1.0F);
-  return hn::And(hn::Ge(index, one), hn::Le(index, hn::Sub(last_of(scene, axis), one)));
-}
-
-HWY_INLINE Index per_voxel(const Scene& scene, const Index& index, const Index& difference) {
-  const M inner = hn::And(is_inner(scene, 0, index.x),
-                          hn::And(is_inner(scene, 1, index.y), is_inner(scene, 2, index.z)));
-  if (HWY_LIKELY(hn::AllTrue(d, inner))) {
-    const V half = hn::Set(d, 0.5F * scene.difference_unit);
-    return {hn::Mul(difference.x, half), hn::Mul(difference.y, half), hn::Mul(difference.z, half)};
-  }
-  return {per_voxel(scene, 0, index.x, difference.x), per_voxel(scene, 1, index.y, difference.y),
-          per_voxel(scene, 2, index.z, difference.z)};
-}
 
 /// Sums of a block, lane by lane, in double precision.
 class Accumulators {
  public:
-  // Not implied: that one would be compiled for another target.
+  // An implicit constructor would be compiled for another target.
   HWY_INLINE Accumulators() {}
 
-  /// Values must be 0 where they do not count.
+  /// Adds values, which must be 0 where they do not count.
   HWY_INLINE void add(V u, V p, V r) {
     add(lower(u), lower(p), lower(r));
     add(upper(u), upper(p), upper(r));
@@ -298,15 +80,15 @@ class Accumulators {
   VD u_occluded_ = hn::Zero(DD()), uu_occluded_ = hn::Zero(DD());
 };
 
-/// What the sound meets at one sample; the gradient of mu is 0 outside the body.
+/// The medium at one sample; the gradient of mu is 0 outside the body.
 struct Medium {
   V mu;
   V gradient_square;  // (HU per mm)^2
   V along_beam;       // HU per mm
-  M total;            // reflects everything by a threshold
+  M total;            // total reflection by a threshold
 };
 
-/// As many beams as a vector has lanes, from `lane` of the block on.
+/// As many beams as a vector has lanes, beginning at `lane` of the block.
 template <bool kNearest>
 class Beams {
  public:
@@ -338,7 +120,7 @@ class Beams {
             hn::MulAdd(step_.z, n, first_.z)};
   }
 
-  /// The CT is larger than the caches, and each beam takes its own way through it.
+  /// Prefetches the CT: it is larger than the caches, and each beam takes its own path through it.
   HWY_INLINE void fetch(int sample) const {
     HWY_ALIGN std::int32_t lower[kLinesPerBlock];
     hn::Store(cell_at(scene_, kept_within(scene_, index_of(sample))).lower, di, lower);
@@ -348,7 +130,7 @@ class Beams {
     }
   }
 
-  /// Of the voxels around.
+  /// Prefetches the voxels of a cell.
   template <typename Voxel>
   HWY_INLINE void fetch_rows(const Voxel* row) const {
     hwy::Prefetch(row);
@@ -404,7 +186,7 @@ class Beams {
     const V hu = as_it_is ? hu_at(scene_, cell) : voxels.hu;
     const V gas = hn::Set(d, scene_.gas_hu);
     if (HWY_UNLIKELY(any_waiting)) {
-      // Less than a rounding error below is for free_of_gas to decide.
+      // Samples less than a rounding error below the threshold are decided by free_of_gas.
       const M perhaps = hn::And(waiting, hn::Gt(hu, hn::Sub(gas, hn::Set(d, 1.0F))));
       if (!hn::AllFalse(d, perhaps))
         in_body_ = hn::Or(in_body_, hn::And(perhaps, free_of_gas(scene_, cell.index)));
@@ -431,12 +213,12 @@ class Beams {
     return medium;
   }
 
-  /// l / 2 mu.
+  /// The factor l / (2 mu).
   HWY_INLINE V scale(const Medium& medium) const {
     return hn::Div(hn::Set(d, scene_.half_length_mm), medium.mu);
   }
 
-  /// Eqs 4.4 and 4.6. What is lost, 1 - I, has a precision that I near 1 has not.
+  /// Eqs 4.4 and 4.6. The loss 1 - I keeps the precision that I near 1 would lose.
   HWY_INLINE void transmit(const Medium& medium) {
     const V over_mu = scale(medium);
     const V one = hn::Set(d, 1.0F);
@@ -451,7 +233,7 @@ class Beams {
     lost_ = hn::Min(one, hn::MulAdd(loss, hn::Sub(one, lost_), lost_));
   }
 
-  /// Eqs 4.3, 4.5 and 4.7. Where all is reflected, delta r matters to no one.
+  /// Eqs 4.3, 4.5 and 4.7. Where everything is reflected, delta r has no effect.
   HWY_INLINE V reflected(const Medium& medium, V lost_before) const {
     const V one = hn::Set(d, 1.0F);
     const V over_mu = scale(medium);

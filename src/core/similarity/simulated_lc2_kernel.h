@@ -2,29 +2,28 @@
 
 #include <cstdint>
 
-/// The fused pass of SimulatedLc2: what the SIMD code sees, in plain floats, and what it gives
-/// back.
+/// The fused pass of SimulatedLc2: input and output of the SIMD code, in plain floats.
 namespace usct::simulated_lc2 {
 
-/// Neighbouring lines of a frame that are simulated side by side; a multiple of every vector.
+/// Neighbouring lines of a frame that are simulated side by side; a multiple of any vector's lanes.
 constexpr int kLinesPerBlock = 16;
 
-/// A voxel of the CT, one 64-bit word: a sample loads it in one go.
+/// A voxel of the CT in one 64-bit word, which a sample loads at once.
 struct PackedVoxel {
   std::int16_t hu;  // within the window
-  /// Of the voxel ahead and the one behind along each index axis, kept within the CT: interpolated,
-  /// that is the difference of the interpolated values, up to the border.
+  /// Voxel ahead minus voxel behind along each index axis, both kept within the CT. Interpolating
+  /// these gives the difference of the interpolated values, up to the border.
   std::int16_t difference[3];
 };
 static_assert(sizeof(PackedVoxel) == 8);
 
-/// What does not depend on the pose. Equation numbers as in simulation.h.
+/// Data that do not depend on the pose. Equation numbers are those of simulation.h.
 struct Scene {
   int size[3];
   const PackedVoxel* voxels;
-  /// The CT as it is, and one more value behind the last.
+  /// The recorded CT and one value more, since gathers read two values at once.
   const std::int16_t* hu;
-  float difference_unit;  // HU that 1 in PackedVoxel::difference stands for
+  float difference_unit;  // HU per unit of PackedVoxel::difference
   float voxels_per_mm[3];
 
   bool nearest;
@@ -55,8 +54,8 @@ struct Block {
   int samples;
 };
 
-/// Of the ultrasound U, mapped CT p and reflection r where the sound arrives, and of U where it
-/// does not. Of samples that count.
+/// Sums over samples that count: of the ultrasound U, mapped CT p and reflection r where the sound
+/// arrives, and of U where it does not.
 struct Sums {
   std::int64_t in_body = 0, insonified = 0, occluded = 0;
   double u = 0.0, p = 0.0, r = 0.0;

@@ -1,4 +1,4 @@
-#include "us_ct_registration/similarity/ultrasound_patches.h"
+#include "similarity/ultrasound_patches.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,14 +13,14 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-/// Deviation over which ultrasound (in units of its own deviation) is taken for constant.
+/// Ultrasound of a smaller deviation (in units of that of all ultrasound) counts as constant.
 constexpr double kLeastDeviation = 1e-4;
 
 constexpr std::size_t kLanes = UltrasoundPatches::kLanes;
 
-/// How far and whereto frames move if the sweep is longer than recorded: the tangent of the path of
-/// each beam, times how far its frame is from the middle of the sweep. Where along the sweep a
-/// frame is says the path of the middle of the field, smoothed since tracked poses jitter.
+/// Motion of the frames if the sweep is longer than recorded: the tangent of each beam's path,
+/// times the distance of its frame from the middle of the sweep. A frame's position along the sweep
+/// is the arc length of the path of the field's centre, smoothed since tracked poses jitter.
 class SweepMotion {
  public:
   explicit SweepMotion(const BeamGrid& beams)
@@ -45,12 +45,13 @@ class SweepMotion {
   }
 
  private:
-  /// What makes a derivative by the path of values at frames: their weights, 1/mm.
+  /// Weights, 1/mm, of the values at frames in their derivative by the path.
   using Tangent = std::vector<std::pair<int, double>>;
 
   double path_mm(int frame) const { return path_mm_[static_cast<std::size_t>(frame)]; }
 
-  /// Over a window that shrinks towards the ends of the sweep, so that it moves as frames do.
+  /// Mean over a window that shrinks towards the ends of the sweep and so stays centred on the
+  /// frame.
   Vector3d smoothed_centre(int frame) const {
     const int half = std::min({window_, frame, beams_.frames - 1 - frame});
     Vector3d sum = Vector3d::Zero();
@@ -59,8 +60,8 @@ class SweepMotion {
     return sum / (2 * half + 1);
   }
 
-  /// Of the parabola through three frames about this one, or nearest to it at the ends of the
-  /// sweep; a straight line where there are not three. None where nothing moves.
+  /// Tangent of the parabola through three frames around this one, or nearest to it at the ends of
+  /// the sweep; of a straight line if there are fewer frames. Empty if nothing moves.
   Tangent tangent(int frame) const {
     const int last = beams_.frames - 1;
     const int margin = std::min(window_, last / 2);
@@ -76,7 +77,7 @@ class SweepMotion {
   }
 
   const BeamGrid& beams_;
-  int window_;  // frames, to either side
+  int window_;  // number of frames on either side
   std::vector<double> path_mm_;
   std::vector<Tangent> tangents_;
 };
@@ -141,7 +142,7 @@ class Cutter {
            static_cast<std::size_t>(line);
   }
 
-  /// Of all beams.
+  /// The motions of all beams.
   std::vector<Beam> sweep_motions() const {
     const SweepMotion motion(us_.beams);
     std::vector<Beam> motions;
@@ -151,7 +152,7 @@ class Cutter {
     return motions;
   }
 
-  /// Calls visit(beam, sample, offset) for the subset that counts.
+  /// Calls visit(beam, sample, offset) for the subset of samples that counts.
   template <typename Visit>
   void for_subset(const Box& box, const Visit& visit) const {
     for (int f = box.begin.z(); f < box.end.z(); ++f)
@@ -164,7 +165,7 @@ class Cutter {
       }
   }
 
-  /// The same for what is known of it.
+  /// Calls visit for the known samples of the subset.
   template <typename Visit>
   void for_known(const Box& box, const Visit& visit) const {
     for_subset(box, [&](std::size_t beam, int sample, std::size_t offset) {
@@ -172,7 +173,7 @@ class Cutter {
     });
   }
 
-  /// The boxes that count, and the statistics of their ultrasound.
+  /// Chooses the boxes that count, with the statistics of their ultrasound.
   void choose() {
     const Vector3i all(us_.beams.samples(), us_.beams.lines, us_.beams.frames);
     const int layers = (all.z() + size_.z() - 1) / size_.z();
@@ -212,9 +213,9 @@ class Cutter {
     return patch.square_sum > kLeastDeviation * kLeastDeviation * count;
   }
 
-  /// Strands and blocks.
+  /// Arranges strands in blocks.
   void lay_out() {
-    std::vector<std::size_t> lengths;  // of the strands
+    std::vector<std::size_t> lengths;  // number of samples of each strand
     const auto next_block = [&] {
       lengths.resize((lengths.size() + kLanes - 1) / kLanes * kLanes);
     };
@@ -244,7 +245,8 @@ class Cutter {
     size_in_memory_ = begin;
   }
 
-  /// Strands that are shorter than their block stay as this leaves them.
+  /// Allocates the arrays, filled with padding, which remains behind the shorter strands of a
+  /// block.
   void allocate() {
     std::vector<std::pair<LargeVector<float>*, float>> all{
         {&result_.x_mm, UltrasoundPatches::kNowhere},
@@ -267,7 +269,7 @@ class Cutter {
     const UltrasoundPatches::Patch& patch = result_.patches[p];
     const std::size_t strands = patch.strands();
     std::size_t strand = 0;
-    std::size_t first = 0;  // of the strand's samples
+    std::size_t first = 0;  // first sample of the strand in its patch
     std::size_t next = patch.count / strands;
     std::size_t i = 0;
     for_known(boxes_[p], [&](std::size_t beam, int sample, std::size_t offset) {
@@ -315,7 +317,7 @@ class Cutter {
   const BeamUltrasound& us_;
   bool with_beams_;
   Vector3i size_;
-  int step_;  // from one sample of a line that counts to the next
+  int step_;  // step between counting samples of a line
   double least_share_;
   std::vector<Box> boxes_;
   std::size_t size_in_memory_ = 0;

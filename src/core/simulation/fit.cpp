@@ -9,12 +9,12 @@
 namespace usct {
 namespace {
 
-/// Variance over squared mean below which an image is constant but for rounding.
+/// An image whose variance is below this share of its squared mean is constant but for rounding.
 constexpr double kConstant = 1e-12;
-/// Below this, 1 - |correlation| of p and r counts as 0.
+/// If 1 - |correlation| of p and r is below this, they count as collinear.
 constexpr double kCollinear = 1e-9;
 
-/// First moments; p, r and U (in this order) where the sound arrives.
+/// Sums, later means: of p, r and U (in this order) over insonified samples, and of U alone.
 struct Means {
   std::size_t usable = 0, in_body = 0, used = 0, occluded = 0;
   Eigen::Vector3d insonified = Eigen::Vector3d::Zero();
@@ -30,7 +30,7 @@ struct Means {
     us += other.us;
     us_occluded += other.us_occluded;
   }
-  /// Sums become means.
+  /// Divides the sums by their counts.
   void divide() {
     if (used > occluded) insonified /= static_cast<double>(used - occluded);
     if (used > 0) us /= static_cast<double>(used);
@@ -94,7 +94,7 @@ class Fit {
     return {components_.mapped_ct[i], components_.reflection[i], us_[i]};
   }
 
-  /// Adds up over frames, in order, what the samples of each give.
+  /// Sums over the samples of each frame, then over the frames in order.
   template <typename Sums, typename Add>
   Sums total(const Add& add) const {
     std::vector<Sums> of_frame(static_cast<std::size_t>(components_.frames));
@@ -145,7 +145,8 @@ class Fit {
       result_.status = FitStatus::kFixedWeights;
       return true;
     }
-    // In units of standard deviations, so that p (grey values) and r (below 1) are on a par.
+    // p (grey values) and r (below 1) are standardised, so that neither dominates the smallest
+    // weights.
     Eigen::Vector3d scale = deviations_.insonified.diagonal().cwiseSqrt();
     for (int i = 0; i < 2; ++i)
       if (is_constant(scale[i] * scale[i], means_.used - means_.occluded, means_.insonified[i]))
@@ -173,7 +174,7 @@ class Fit {
     return true;
   }
 
-  /// Eqs 4.9 and 4.10.
+  /// Computes the simulated image (eq 4.9) and LC2 (eq 4.10).
   void explain() {
     const SimulationWeights& weights = result_.weights;
     result_.brightness.resize(components_.count());

@@ -11,8 +11,8 @@
 namespace usct {
 namespace {
 
-/// A sample of the CT and the points one voxel ahead and behind along each index axis, kept within
-/// the CT.
+/// The CT values at a point and one voxel ahead and behind along each index axis, with these points
+/// kept within the CT.
 class Stencil {
  public:
   Stencil(const CtVolume& ct, Eigen::Vector3d index, Interpolation interpolation) {
@@ -37,7 +37,7 @@ class Stencil {
   double centre() const { return centre_; }
   double lowest() const { return std::min({centre_, ahead_.minCoeff(), behind_.minCoeff()}); }
 
-  /// In the CT's frame, HU per mm; nothing along an axis of one voxel.
+  /// Gradient in the frame of the CT, HU per mm; 0 along an axis of one voxel.
   Eigen::Vector3d gradient(const Grid& grid) const {
     Eigen::Vector3d along_axes = Eigen::Vector3d::Zero();
     for (int axis = 0; axis < 3; ++axis)
@@ -54,11 +54,11 @@ class Stencil {
   Eigen::Vector3d voxels_apart_;
 };
 
-/// What the sound meets at one sample.
+/// Tissue at one sample.
 struct Medium {
   double ct_hu;
   double mu;
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // of mu, HU per mm, CT frame
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // gradient of mu, HU per mm, CT frame
   std::uint8_t flags = 0;
 };
 
@@ -72,7 +72,7 @@ class BeamSimulator {
 
   void simulate(int line, int frame) const {
     const Eigen::Vector3d direction_ct = T_ct_us_.linear() * beams_.beam(frame, line).direction;
-    double intensity = 1.0;  // I of the sample before, eqs 4.5 and 4.6
+    double intensity = 1.0;  // I of the preceding sample, eqs 4.5 and 4.6
     bool in_body = false;
     for (int sample = 0; sample < beams_.samples(); ++sample) {
       const Medium medium = medium_at(T_ct_us_ * beams_.point(frame, line, sample), in_body);
@@ -111,7 +111,7 @@ class BeamSimulator {
             medium.gradient.norm() >= occlusion.gradient_hu_per_mm);
   }
 
-  /// Eqs 4.3-4.8 at one sample, given I of the one before; returns I.
+  /// Computes eqs 4.3-4.8 at one sample from I of the sample before; returns I of this one.
   double propagate(const Medium& medium, const Eigen::Vector3d& direction_ct,
                    double intensity_before, std::size_t at) const {
     const double length = options_.gradient_length_mm;
@@ -145,7 +145,7 @@ class BeamSimulator {
     return std::pow(t, beams_.axial.spacing_mm / *options_.transmission_length_mm);
   }
 
-  /// Eq 4.7.
+  /// Log compression, eq 4.7.
   double compressed(double r, double intensity) const {
     const double whole = std::log1p(options_.log_a);
     if (options_.log_compression == LogCompression::kIntensity)
@@ -155,7 +155,7 @@ class BeamSimulator {
     return options_.signed_reflection ? std::copysign(value, r) : value;
   }
 
-  /// Eq 4.8.
+  /// Mapped CT value, eq 4.8.
   double mapped(double mu) const {
     const double p = options_.map.slope * mu + options_.map.offset;
     return options_.map.clamp ? std::clamp(p, 0.0, 255.0) : p;

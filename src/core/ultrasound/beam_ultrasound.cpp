@@ -7,7 +7,7 @@
 namespace usct {
 namespace {
 
-/// Without an early end, so that the compiler can vectorise the loop.
+/// The loop has no early exit, so that the compiler can vectorise it.
 bool all_finite(const std::vector<float>& values) {
   int bad = 0;
   for (const float value : values) bad |= value - value == 0.0F ? 0 : 1;

@@ -37,7 +37,7 @@ Statistics statistics(const std::vector<float>& values, const std::vector<std::u
   return {mean, std::sqrt(squares / count)};
 }
 
-/// `values` become function(value, i) where samples count, 0 elsewhere.
+/// Returns function(value, i) where a sample counts, and 0 elsewhere.
 template <typename Function>
 std::vector<float> where_counting(const ConditionedUltrasound& us, std::vector<float> values,
                                   const Function& function) {
@@ -125,9 +125,12 @@ void ConditioningOptions::validate(const std::string& source) const {
     require(*depth.min_mm < *depth.max_mm, source, "depth.min_mm", *depth.min_mm, "< depth.max_mm");
   require_not_negative(source, "depth.near_field_mm", depth.near_field_mm);
   require_not_negative(source, "depth.near_field_limit_mm", depth.near_field_limit_mm);
-  require(depth.far_wall_share > 0.0, source, "depth.far_wall_share", depth.far_wall_share, "> 0");
+  if (depth.far_wall_share)
+    require(*depth.far_wall_share > 0.0 && *depth.far_wall_share <= 1.0, source,
+            "depth.far_wall_share", *depth.far_wall_share, "within (0, 1]");
   require_not_negative(source, "depth.far_wall_margin_mm", depth.far_wall_margin_mm);
-  require(saturated_grey > 0.0, source, "saturated_grey", saturated_grey, "> 0");
+  if (saturated_grey)
+    require(*saturated_grey > 0.0, source, "saturated_grey", *saturated_grey, "> 0");
   share("no_contact_share", no_contact_share);
   share("shadow_share", shadow_share);
   require_not_negative(source, "visible_grey", visible_grey);

@@ -9,7 +9,7 @@
 namespace usct {
 namespace {
 
-/// The beam in the middle of a block.
+/// The mean of the beams of a block.
 Beam mean_beam(const BeamGrid& beams, int first_frame, int first_line,
                const Eigen::Vector3i& factors) {
   Beam mean{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
@@ -24,7 +24,7 @@ Beam mean_beam(const BeamGrid& beams, int first_frame, int first_line,
   return mean;
 }
 
-/// Sums one recorded line into the blocks along it.
+/// Adds the known samples of one recorded line to the sums and counts of the blocks along it.
 void add_line(const BeamUltrasound& in, std::size_t start, int factor, std::vector<float>& sum,
               std::vector<int>& count) {
   const float* values = in.brightness.data() + start;
@@ -44,7 +44,7 @@ int blocks_of(double step_mm, double spacing_mm, int available) {
   return static_cast<int>(std::clamp(factor, 1.0, std::max(1.0, std::floor(available / 2.0))));
 }
 
-/// Mean distance of neighbouring points.
+/// Mean distance between consecutive points.
 template <typename PointAt>
 double mean_step_mm(int count, const PointAt& point_at) {
   if (count < 2) return 0.0;

@@ -19,7 +19,7 @@ constexpr double kNearFieldChange = 0.2;
 constexpr double kWallRise = 1.5;
 constexpr double kSurelyWallGrey = 180.0;
 constexpr double kDarkShare = 0.9;
-constexpr int kWallNeighbours = 4;  // to either side, lines and frames
+constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
@@ -65,7 +65,7 @@ class Exclusion {
   }
   bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
 
-  /// Runs `body` for each beam. A task is a frame, since one beam is less work than fetching a
+  /// Calls `body` for each beam, in parallel over frames, since one beam is too little work for a
   /// task.
   template <typename Body>
   void for_beams(const Body& body) const {
@@ -94,10 +94,10 @@ class Exclusion {
     });
   }
 
-  /// The usual grey value at each depth: the median over the beams whose sample there is known; NaN
-  /// where there is none.
+  /// The usual grey value at each depth: the median over the beams whose value is known there, NaN
+  /// if there is none.
   std::vector<double> usual_grey() const {
-    constexpr int kAtOnce = 16;  // samples, which share cache lines
+    constexpr int kAtOnce = 16;  // samples per task: about a cache line of each beam
     std::vector<double> result(static_cast<std::size_t>(samples_));
     parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
       const int first = part * kAtOnce;
@@ -117,7 +117,7 @@ class Exclusion {
     return result;
   }
 
-  /// The mean grey value at each depth, likewise.
+  /// The mean grey value at each depth over the beams whose value is known there.
   std::vector<double> mean_grey() const {
     std::vector<double> sum(static_cast<std::size_t>(samples_));
     std::vector<double> count(sum.size());
@@ -169,11 +169,11 @@ class Exclusion {
     return end_mm;
   }
 
-  /// Finds the first sample at or beyond the wall on each beam; `samples_` where there is no wall.
+  /// Finds, for each beam, the first sample at or beyond the far wall; `samples_` if there is none.
   void find_far_wall() {
     wall_.assign(static_cast<std::size_t>(beams_), samples_);
-    if (options_.depth.max_mm || !options_.depth.automatic || options_.depth.far_wall_share > 1.0)
-      return;
+    const std::optional<double>& least_share = options_.depth.far_wall_share;
+    if (options_.depth.max_mm || !options_.depth.automatic || !least_share) return;
     const double grey = wall_grey();
     std::vector<int> found(wall_.size());
     for_beams([&](int beam) { found[static_cast<std::size_t>(beam)] = bright_echo(beam, grey); });
@@ -183,15 +183,15 @@ class Exclusion {
     const auto with_wall = static_cast<double>(
         std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
     result_.far_wall_share = with_wall / beams_;
-    if (result_.far_wall_share >= options_.depth.far_wall_share) return;
+    if (result_.far_wall_share >= *least_share) return;
     result_.far_wall_share = 0.0;
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
 
-  /// The grey value above which an echo is one of a wall: tissue is rarely brighter than 1.5 times
-  /// its upper decile. The limit is capped, for that decile may already be the wall's.
+  /// Grey value that only a far wall exceeds: tissue rarely exceeds its own upper decile by half.
+  /// The upper limit applies where that decile is itself the wall's.
   double wall_grey() const {
-    constexpr int kBeams = 2000;  // enough for a decile
+    constexpr int kBeams = 2000;  // about as many as the decile is estimated from
     const int step = std::max(1, beams_ / kBeams);
     const int end = samples_ * 2 / 3;
     int first = 0;
@@ -234,7 +234,7 @@ class Exclusion {
     return median(values);
   }
 
-  /// Finds the properties of each depth, which are the same for all beams.
+  /// Finds the depths that are excluded, or too dark to judge, for all beams alike.
   void judge_depths() {
     usual_ = usual_grey();
     visible_.resize(usual_.size());
@@ -267,8 +267,8 @@ class Exclusion {
     return judged;
   }
 
-  /// Whether every quarter of the judged samples is dark. Behind a rib the first quarter still
-  /// shows tissue, so that a shadow is not taken for lost contact.
+  /// Whether the beam is dark in every quarter of the judged samples. A beam that ends at a rib is
+  /// not: tissue in front of the rib is bright in the first quarter.
   bool is_dark(int beam, const std::vector<int>& judged) const {
     if (judged.size() < kParts) return false;
     for (std::size_t part = 0; part < kParts; ++part) {
@@ -284,8 +284,8 @@ class Exclusion {
     return true;
   }
 
-  /// The first sample of the longest dark end of a line: one in which at most a tenth of the judged
-  /// samples, noise, is bright. `samples_` if there is none.
+  /// The first sample of the dark end of a line, of which at least `kDarkShare` is dark (the rest
+  /// is noise); `samples_` if there is none.
   int shadow_start(int beam, const std::vector<int>& judged) const {
     int start = samples_;
     int shadow = 0;
@@ -310,8 +310,10 @@ class Exclusion {
     const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
     std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
     const float* brightness = us_.brightness.data() + at(beam, 0);
+    const double saturated_grey =
+        options_.saturated_grey.value_or(std::numeric_limits<double>::infinity());
     for (std::size_t s = 0; s < outside_.size(); ++s) {
-      const int saturated = brightness[s] >= options_.saturated_grey ? kSaturated : 0;
+      const int saturated = brightness[s] >= saturated_grey ? kSaturated : 0;
       reasons[s] = static_cast<std::uint8_t>(outside_[s] | saturated);
     }
     const auto mark_from = [&](int first, ExclusionReason reason) {
@@ -330,11 +332,11 @@ class Exclusion {
   AxialSampling axial_;
   int samples_;
   int beams_;
-  std::vector<float> soft_;  // brightness with the speckle averaged
+  std::vector<float> soft_;  // brightness after averaging of speckle
   std::vector<int> wall_;
-  // Per depth:
+  // One entry per depth:
   std::vector<double> usual_;
-  std::vector<std::uint8_t> visible_;  // 0 where the usual grey value is dark, or out of depth
+  std::vector<std::uint8_t> visible_;  // 0 where even the usual grey is dark, or outside_
   std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
 };
 

@@ -4,7 +4,8 @@
 
 namespace usct {
 
-/// Fills `reasons`, the depths and the far wall of `result`; see `condition`.
+/// Sets `reasons`, the depth range and the share of beams with a far wall in `result`; see
+/// `condition`.
 void exclude(const BeamUltrasound& ultrasound, const ConditioningOptions& options,
              ConditionedUltrasound& result);
 

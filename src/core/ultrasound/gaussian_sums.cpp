@@ -10,8 +10,9 @@
 namespace usct {
 namespace {
 
-constexpr double kReach = 3.0;  // in standard deviations
-/// The largest size of a block, in standard deviations of the window.
+/// Half width of the window, in standard deviations.
+constexpr double kReach = 3.0;
+/// Greatest size of a block, in standard deviations.
 constexpr double kLargestBlock = 0.8;
 
 int block_size(double widest_mm, double sigma_mm) {
@@ -19,14 +20,15 @@ int block_size(double widest_mm, double sigma_mm) {
   return static_cast<int>(std::clamp(kLargestBlock * sigma_mm / widest_mm, 1.0, 64.0));
 }
 
-/// The variance of the window to apply to blocks `block_mm` apart. Summing in boxes of that width
-/// adds a twelfth of its square to the variance, and linear interpolation adds a sixth.
+/// Variance of the window to apply to blocks of width `block_mm`, such that the blocks and the
+/// interpolation widen it to sigma: a box has a variance of a twelfth of its squared width, linear
+/// interpolation one of a sixth.
 double variance_mm2(double sigma_mm, double block_mm, int block_size) {
   const double widened = block_size == 1 ? 0.0 : 0.25 * block_mm * block_mm;
   return sigma_mm * sigma_mm - widened;
 }
 
-/// The length of the path along the points of the rows, at each row.
+/// Path length from the first point to each of `rows` points.
 template <typename PointAt>
 std::vector<double> path_mm(int rows, const PointAt& point_at) {
   std::vector<double> path{0.0};
@@ -35,7 +37,7 @@ std::vector<double> path_mm(int rows, const PointAt& point_at) {
   return path;
 }
 
-/// Interpolates a table linearly, and extrapolates it beyond its ends.
+/// Linear interpolation of a table, with extrapolation beyond its ends.
 double interpolated_at(const std::vector<double>& table, double at) {
   if (table.size() < 2) return 0.0;
   const auto last = static_cast<double>(table.size() - 2);
@@ -97,7 +99,7 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   const auto count = static_cast<std::size_t>(rows.blocks());
   const auto samples = static_cast<std::size_t>(samples_.blocks());
   std::vector<float> position_mm(samples * count);  // rows fastest
-  std::vector<float> factor(samples);               // of the squared distance in the exponent
+  std::vector<float> factor(samples);               // exponent per squared distance
   parallel_for_alike(samples_.blocks(), [&](int sample_block) {
     const auto s = static_cast<std::size_t>(sample_block);
     const double sample = samples_.middle(sample_block);
@@ -127,7 +129,8 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   Taps taps(count);
   parallel_for_alike(static_cast<int>(count), [&](int row) {
     const auto to = static_cast<std::size_t>(row);
-    // Positions rise with the rows: beyond a row that is too far away, all are.
+    // Distances grow with the number of rows in between, so the search ends at the first row whose
+    // weights are all zero.
     std::size_t first = to;
     std::vector<Tap> before;
     while (first-- > 0 && add_tap(first, to, before)) continue;
@@ -236,7 +239,7 @@ void GaussianSums::interpolate(const std::vector<float>& sums, std::vector<float
     int frame_block = 0;
     float frame_share = 0.0F;
     frames_.between(frame, frame_block, frame_share);
-    std::vector<float> between(row + 1);  // with padding after the last block
+    std::vector<float> between(row + 1);  // one element more, which gets weight 0
     const auto add = [&](int f, int l, float weight) {
       if (weight == 0.0F) return;
       const float* in = sums.data() + static_cast<std::size_t>(f) * frame_size +

@@ -10,7 +10,7 @@
 namespace usct {
 namespace {
 
-/// Interpolation between the recorded voxels of a pre-scan volume.
+/// Interpolates between the recorded samples of a pre-scan volume.
 class PreScanSampler {
  public:
   PreScanSampler(const PreScanVolume& prescan, Interpolation interpolation)
@@ -25,7 +25,7 @@ class PreScanSampler {
            usct::is_recorded(index.frame, frames_);
   }
 
-  /// The brightness at an index for which `is_recorded` holds on every axis.
+  /// Brightness at an index within the recorded range.
   std::uint8_t at(const ScanIndex& index) const {
     const auto neighbours = [&](double i, int count) {
       return nearest_ ? Neighbours::nearest(i, count) : Neighbours::linear(i, count);
@@ -52,7 +52,7 @@ class PreScanSampler {
   bool nearest_;
 };
 
-/// Bounds of the samples that a motorised sweep records; voxels outside are skipped without any
+/// Bounds of the field of a motorised sweep, by which voxels outside are skipped without
 /// trigonometry.
 struct SweepBounds {
   double phi_min;
@@ -73,7 +73,8 @@ struct SweepBounds {
                  std::abs(interpolate_table(array.line_angles_rad, geometry.lines() - 0.5)));
     const double h_min = array.probe_radius_mm + geometry.axial.depth_mm(-0.5);
     h_max = array.probe_radius_mm + geometry.axial.depth_mm(geometry.samples() - 0.5);
-    // With few lines, half a line beyond the last one may be more than 90 degrees off.
+    // With few lines, the angle half a line beyond the last may exceed 90 degrees, where the cosine
+    // is negative.
     H_min = std::min(h_min * std::cos(edge), h_max * std::cos(edge));
   }
 };
@@ -103,7 +104,7 @@ class SlabConverter {
   }
 
  private:
-  /// Fills a row along the x axis of the US frame, along which the motor angle is the same.
+  /// Along a row parallel to x the motor angle is constant, and computed once.
   void convert_row_along_x(const Eigen::Vector3d& start, double step, std::size_t offset) const {
     const MotorisedInverse::Swing swing = inverse_.swing_from_us(start.y(), start.z());
     if (swing.phi_rad < bounds_.phi_min || swing.phi_rad > bounds_.phi_max) return;

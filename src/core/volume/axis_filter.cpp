@@ -9,7 +9,7 @@
 namespace usct {
 namespace {
 
-/// Input indices along one axis that `count` outputs read, after clamping to [0, size).
+/// The range of input indices, clamped to [0, size), that `count` outputs read along one axis.
 struct Range {
   int begin;
   int end;
@@ -22,13 +22,13 @@ Range input_range(const AxisFilter& filter, int begin, int count, int size) {
   return {std::clamp(first, 0, size - 1), std::clamp(last, 0, size - 1) + 1};
 }
 
-/// The input index that tap `t` of output `o` reads.
+/// The input index that tap `t` of output `o` reads, clamped to [0, size).
 int source(const AxisFilter& filter, int begin, int o, std::size_t t, int size) {
   return std::clamp(begin + o * filter.stride + filter.first + static_cast<int>(t), 0, size - 1);
 }
 
-/// Filters along x: computes `count` outputs from a row of the volume, of which the voxels from
-/// index `row_begin` on are given.
+/// Filters one row of the volume along x. `row` holds the voxels from index `row_begin` on; the
+/// result has `count` values.
 class RowFilter {
  public:
   RowFilter(const AxisFilter& filter, int begin, int count, int row_begin, int row_end)
@@ -39,7 +39,8 @@ class RowFilter {
         last_(row_end - 1),
         stride_(static_cast<std::size_t>(filter.stride)) {
     const std::size_t taps = filter.weights.size();
-    // Voxels at the same place of their strides lie side by side, so that outputs are vectors.
+    // The inputs are sorted by their index modulo the stride, so that each tap reads contiguous
+    // memory.
     const std::size_t per_place = count_ + (taps - 1) / stride_;
     values_.resize(per_place * stride_);
     for (std::size_t t = 0; t < taps; ++t)
@@ -98,8 +99,8 @@ std::vector<float> apply_separable(const Volume<T>& volume,
   const auto out_row_size = static_cast<std::size_t>(out_size.x());
   const auto out_rows = static_cast<std::size_t>(out_size.y());
   std::vector<float> result(out_row_size * out_rows * static_cast<std::size_t>(out_size.z()));
-  // Slice by slice, along z first: one slice at a time stays in the cache, and decimation has
-  // already dropped slices and rows when x, whose voxels must be gathered, is filtered.
+  // Each output slice is made by filtering along z first. One slice at a time then stays in the
+  // cache, and decimation along z reduces the data before the filters along y and x run.
   const auto filter_slice = [&](int k, std::vector<float>& slice, std::vector<float>& row,
                                 RowFilter& along_x) {
     std::vector<const T*> voxels(filters[2].weights.size());
@@ -121,7 +122,7 @@ std::vector<float> apply_separable(const Volume<T>& volume,
                                               out_row_size);
     }
   };
-  constexpr int kAtOnce = 4;  // slices per task, which share its buffers
+  constexpr int kAtOnce = 4;  // slices that one task filters with the same buffers
   parallel_for((out_size.z() + kAtOnce - 1) / kAtOnce, [&](int part) {
     std::vector<float> slice(row_size * static_cast<std::size_t>(y.end - y.begin));
     std::vector<float> row(row_size);

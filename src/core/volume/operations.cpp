@@ -59,7 +59,7 @@ Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& point
     high = high.cwiseMax(index);
   }
   const Eigen::Vector3d margin = margin_mm * grid.spacing_mm.cwiseInverse();
-  // Clipped before the cast: far points would not fit an int.
+  // Indices are clipped before the cast, since those of far points exceed the range of int.
   const Eigen::Vector3d end = grid.size.cast<double>();
   const Eigen::Vector3i first =
       (low - margin).array().floor().max(0.0).min(end.array()).cast<int>();
@@ -143,7 +143,7 @@ Volume<float> shrink(const Volume<T>& volume, const Eigen::Vector3i& factors,
   result.grid.direction = volume.grid.direction;
   result.grid.size = region.size.cwiseQuotient(factors);
   result.grid.spacing_mm = volume.grid.spacing_mm.cwiseProduct(factors.cast<double>());
-  // A block's centre: half a voxel before its middle edge.
+  // Index of the centre of the first block.
   const Eigen::Vector3d centre = 0.5 * (factors.cast<double>() - Eigen::Vector3d::Ones());
   result.grid.origin_mm = volume.grid.physical_from_index(region.begin.cast<double>() + centre);
   result.voxels = apply_separable(volume, filters, region.begin, result.grid.size);
@@ -162,7 +162,7 @@ std::vector<Volume<float>> pyramid(const Volume<T>& volume,
 
 template <typename T>
 Volume<T> reorient_to_axes(const Volume<T>& volume) {
-  // The permutation whose axes agree best with x, y, z.
+  // Find the permutation of the axes that agrees best with x, y, z.
   std::array<int, 3> order{0, 1, 2};
   std::array<int, 3> best = order;
   double best_agreement = -1.0;

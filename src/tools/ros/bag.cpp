@@ -2,8 +2,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "ros/acquisition_bag.h"
-#include "ros/conversions.h"
+#include "ros/bags/acquisition_bag.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
 #include "tools/program.h"
@@ -36,7 +38,7 @@ struct BagWriteCommand {
   std::string output;
 };
 
-/// One file for each sweep, one for all, or none.
+/// Throws InputError unless there is one file for each sweep, one for all, or none.
 void require_count(const char* option, std::size_t files, std::size_t sweeps) {
   if (files > 1 && files != sweeps)
     throw InputError(option, "is given " + std::to_string(files) + " times and --us " +
@@ -64,7 +66,8 @@ std::vector<BagAcquisition> read_acquisitions(const BagWriteCommand& command) {
   for (std::size_t i = 0; i < command.us.size(); ++i) {
     BagAcquisition acquisition;
     acquisition.us = read_beams(command.ultrasound.source(command.us[i]));
-    // The file maps points of the US frame, as all transform files here do.
+    // The file maps points of the US frame to the fixed frame, like all transform files of this
+    // project map from the US frame.
     if (const std::string* file = file_of(command.fixed_pose, i))
       acquisition.T_fixed_us = read_T_us_ct(*file).inverse();
     if (const std::string* file = file_of(command.truth, i))

@@ -41,8 +41,8 @@ inline void append_int32(FileBytes& bytes, std::int32_t value) {
     bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint32_t>(value) >> shift));
 }
 
-/// What every reader must refuse in words, given a good file: no file, a folder, an empty file, a
-/// file without permission, foreign content, and the good file cut off at any place.
+/// Expects the reader to refuse, with a message: a missing file, a folder, an empty file, a file
+/// without permission, foreign content, and the good file cut off at many places.
 inline void expect_refuses_broken_files(
     const std::function<void(const std::filesystem::path&)>& read, const FileBytes& good,
     const std::string& extension) {

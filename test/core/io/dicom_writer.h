@@ -26,7 +26,7 @@ struct DicomSlice {
   bool is_signed = false;
   int bits_allocated = 16;
   int bits_stored = 16;
-  /// Put into the bits above bits_stored, which a reader must ignore.
+  /// Value of the bits above bits_stored, which a reader must ignore.
   int unused_bits = 0;
 
   std::string series_uid = "1.2.826.0.1.3680043.2.1.1";
@@ -40,27 +40,27 @@ struct DicomSlice {
 
   std::function<double(const Eigen::Vector3d&)> hounsfield = hounsfield_at;
 
-  /// Attributes to replace by these bytes (or to add), or to take away; last of all.
+  /// After all else, attributes are replaced by these bytes, or added; or removed if empty.
   std::map<gdcm::Tag, std::optional<std::string>> changes;
 };
 
-/// Bytes of an attribute of US or SS.
+/// Bytes of a value of type US or SS.
 std::string short_bytes(int value);
 
-/// Explicit VR little endian. Every file carries a patient's name, identifiers and free text.
+/// Writes explicit VR little endian, with a patient's name, identifiers and free text.
 void write_dicom(const std::filesystem::path& path, const DicomSlice& slice);
 
-/// Enhanced (multi-frame) CT: position and rescale per frame, orientation and pixel measures
-/// shared.
+/// Writes an enhanced (multi-frame) CT, with a position and rescale for each frame and shared
+/// orientation and pixel measures.
 void write_enhanced_dicom(const std::filesystem::path& path, const std::vector<DicomSlice>& frames);
 
-/// What identifies the patient in the files above.
+/// All texts that identify the patient in the files above.
 std::vector<std::string> patient_identifiers();
 
 /// The slices of a grid, along its third axis.
 std::vector<DicomSlice> slices_of(const Grid& grid);
 
-/// As slice_0.dcm and so on, but in an order of names and instance numbers that is not theirs.
+/// Writes slice_0.dcm and so on; names and instance numbers are not in the order of positions.
 void write_shuffled(const std::filesystem::path& folder, std::vector<DicomSlice> slices);
 
 }  // namespace usct::test

@@ -9,7 +9,7 @@
 
 namespace usct::test {
 
-/// Hounsfield units as a function of the place in the patient alone, whatever grid samples it.
+/// Hounsfield units as a function of the place in the patient, independent of any grid.
 inline double hounsfield_at(const Eigen::Vector3d& p_mm) {
   return 300.0 * std::sin(0.11 * p_mm.x() + 0.3) * std::cos(0.07 * p_mm.y()) + 4.0 * p_mm.z() -
          100.0;
@@ -30,8 +30,8 @@ struct NamedGrid {
   Grid grid;
 };
 
-/// Every way to store a volume that a reader could mix up: unequal sizes and spacings, no axis at
-/// its place, axes reversed, a left-handed order, and axes that are nobody's.
+/// Grids that a reader could mix up: unequal sizes and spacings, permuted axes, reversed axes, a
+/// left-handed order, and oblique axes.
 inline std::vector<NamedGrid> example_grids() {
   Grid grid;
   grid.size = {7, 5, 4};

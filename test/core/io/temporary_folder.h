@@ -7,8 +7,8 @@
 
 namespace usct::test {
 
-/// A new folder, removed with all it holds at the end. In memory where there is such a place: tests
-/// rewrite small files thousands of times, which a disk may flush each time.
+/// A new folder, removed with its content at the end. It is in memory where that is possible: tests
+/// rewrite small files thousands of times, and a disk may flush each of them.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

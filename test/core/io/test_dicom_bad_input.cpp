@@ -1,5 +1,5 @@
-// Every DICOM file that cannot be trusted ends in an error that names it, never in a crash or in
-// an image that was made up.
+// The reader must answer every damaged DICOM file with an error that names it, never with a crash
+// or with made-up pixels.
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <unistd.h>
@@ -143,7 +143,7 @@ TEST_F(DicomBadInput, EveryTruncationOfCompressedPixelsIsRefused) {
   }
 }
 
-/// The pixels carry no checksum, so a changed pixel cannot be told; all else must be an InputError.
+/// A changed pixel cannot be detected, for want of a checksum; all else must be an InputError.
 TEST_F(DicomBadInput, DamagedBytesNeverDoWorseThanAnInputError) {
   const TemporaryFolder enhanced;
   test::write_enhanced_dicom(enhanced.path() / "e.dcm", slices_);
@@ -188,6 +188,19 @@ TEST_F(DicomBadInput, CompressionThatIsNotKnownIsNamed) {
   std::string other = bytes;
   write_text(spoilt(), other.replace(bytes.find(syntax), syntax.size(), "1.2.840.10008.1.2.9"));
   expect_refused({"1.2.840.10008.1.2.9"});
+}
+
+/// A recursive parser without a limit would overflow the stack and end the program.
+TEST_F(DicomBadInput, SequencesNestedTooDeepAreRefused) {
+  const std::string sequence("\x08\x00\x40\x11SQ\x00\x00\xff\xff\xff\xff", 12);
+  const std::string item("\xfe\xff\x00\xe0\xff\xff\xff\xff", 8);
+  std::string bytes = read_text(spoilt());
+  const std::size_t elements = bytes.find(std::string("\x08\x00\x60\x00", 4));
+  ASSERT_NE(elements, std::string::npos);
+  bytes.resize(elements);
+  for (int level = 0; level < 100000; ++level) bytes += sequence + item;
+  write_text(spoilt(), bytes);
+  expect_refused({"nested sequences"});
 }
 
 TEST_F(DicomBadInput, FilesThatAreNotDicomDespiteTheirName) {

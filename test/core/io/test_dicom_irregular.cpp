@@ -1,4 +1,4 @@
-// Slices that are not a regular grid: named, refused, and resampled on request.
+// Slices that form no regular grid must be named and refused, or resampled on request.
 #include <gtest/gtest.h>
 
 #include "core/io/dicom_writer.h"
@@ -14,12 +14,12 @@ using test::DicomSlice;
 using test::expect_input_error;
 using test::TemporaryFolder;
 
-/// Linear interpolation reproduces it exactly, wherever the slices are.
+/// A linear function, which linear interpolation reproduces exactly.
 double linear_hounsfield(const Eigen::Vector3d& p_mm) {
   return 11.0 * p_mm.x() - 7.0 * p_mm.y() + 5.0 * p_mm.z() + 40.0;
 }
 
-/// Slices with axes of nobody's and positions given as steps along the normal and sideways, in mm.
+/// Slices with oblique axes; positions are steps along the normal and sideways, in mm.
 class DicomIrregular : public testing::Test {
  protected:
   void add(double along_mm, double right_mm = 0.0, double down_mm = 0.0) {
@@ -65,7 +65,7 @@ class DicomIrregular : public testing::Test {
         for (int i = 0; i < grid.size.x(); ++i) {
           const Eigen::Vector3d p = grid.physical_from_index(Eigen::Vector3d(i, j, k));
           if (is_covered(p, 1e-3)) {
-            // Rounded when written, and again when resampled.
+            // Values are rounded when written, and again when resampled.
             ASSERT_NEAR(ct.volume.at(i, j, k), linear_hounsfield(p), 1.01)
                 << i << " " << j << " " << k;
             ++covered;

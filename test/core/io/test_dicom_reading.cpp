@@ -1,14 +1,12 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <cstdlib>
-#include <fstream>
 
+#include "core/io/dicom_patient.h"
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/io/dicom/dicom.h"
-#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {
@@ -16,24 +14,10 @@ namespace {
 namespace fs = std::filesystem;
 using test::DicomSlice;
 using test::expect_input_error;
+using test::expect_shows_the_patient;
+using test::kRounding;
+using test::small_grid;
 using test::TemporaryFolder;
-
-Grid small_grid() { return test::example_grids()[0].grid; }
-
-/// Whatever the order and the axes of the voxels: each holds what the patient is made of there.
-void expect_shows_the_patient(const CtVolume& volume, double tolerance_hu) {
-  ASSERT_EQ(volume.voxels.size(), volume.grid.voxel_count());
-  for (int k = 0; k < volume.grid.size.z(); ++k)
-    for (int j = 0; j < volume.grid.size.y(); ++j)
-      for (int i = 0; i < volume.grid.size.x(); ++i) {
-        const Eigen::Vector3d p = volume.grid.physical_from_index(Eigen::Vector3d(i, j, k));
-        ASSERT_NEAR(volume.at(i, j, k), test::hounsfield_at(p), tolerance_hu)
-            << "at voxel " << i << " " << j << " " << k;
-      }
-}
-
-/// Rounding to a whole number, and of positions to the 16 characters of a decimal string.
-constexpr double kRounding = 0.5 + 1e-4;
 
 TEST(DicomReading, PutsSlicesWherePositionsSayForAnyAxes) {
   for (const auto& [name, grid] : test::example_grids()) {
@@ -86,7 +70,7 @@ TEST(DicomReading, PositionsMayBeRoundedWithinTheTolerance) {
   expect_input_error([&] { read_dicom_ct(folder.path(), strict); }, {"uneven"});
 }
 
-/// Compressed by programs that share no code with the reader, where Debian has any.
+/// The compressing programs share no code with the reader, where Debian has such.
 struct Compression {
   const char* name;
   const char* command;  // of two files
@@ -217,165 +201,6 @@ TEST(DicomReading, PaddingBelowAirBecomesAir) {
   const TemporaryFolder other;
   test::write_shuffled(other.path(), slices);
   expect_shows_the_patient(read_dicom_ct(other.path()).volume, kRounding);
-}
-
-/// A folder as a hospital's disc has it: studies in subfolders, and more than images.
-class DicomDisc : public testing::Test {
- protected:
-  void SetUp() override {
-    fs::create_directories(folder_.path() / "study" / "ct");
-    fs::create_directories(folder_.path() / "study" / "mr");
-    test::write_shuffled(ct(), test::slices_of(small_grid()));
-    DicomSlice mr;
-    mr.modality = "MR";
-    mr.sop_class = "1.2.840.10008.5.1.4.1.1.4";
-    mr.series_uid += ".7";
-    test::write_dicom(folder_.path() / "study" / "mr" / "IM1", mr);
-    std::ofstream(folder_.path() / "README.TXT") << "viewer on this disc";
-    std::ofstream(ct() / "._slice_0.dcm") << "not DICOM, from another system";
-    std::ofstream(ct() / ".DS_Store") << "x";
-  }
-  fs::path ct() const { return folder_.path() / "study" / "ct"; }
-  void add_second_ct() {
-    std::vector<DicomSlice> slices = test::slices_of(small_grid());
-    fs::create_directories(folder_.path() / "study" / "ct2");
-    for (DicomSlice& slice : slices) {
-      slice.series_uid = "1.2.826.0.1.3680043.2.1.2";
-      slice.series_number = 2;
-      slice.hounsfield = [](const Eigen::Vector3d&) { return 77.0; };
-    }
-    test::write_shuffled(folder_.path() / "study" / "ct2", slices);
-  }
-  static bool warned(const LoadedCt& ct, const std::string& what) {
-    for (const std::string& warning : ct.warnings)
-      if (warning.find(what) != std::string::npos) return true;
-    return false;
-  }
-
-  const TemporaryFolder folder_;
-};
-
-TEST_F(DicomDisc, OnlyCtSeriesIsFoundAndTheRestNamed) {
-  const LoadedCt loaded = read_dicom_ct(folder_.path());
-  expect_shows_the_patient(loaded.volume, kRounding);
-  EXPECT_TRUE(warned(loaded, "modality MR"));
-  EXPECT_TRUE(warned(loaded, "3 files that are not DICOM"));
-  EXPECT_TRUE(warned(loaded, "README.TXT"));
-}
-
-TEST_F(DicomDisc, SeriesAreListed) {
-  const std::vector<DicomSeries> found = find_dicom_series(folder_.path());
-  ASSERT_EQ(found.size(), 2U);
-  EXPECT_EQ(found[0].modality, "MR");
-  EXPECT_FALSE(found[0].is_ct);
-  const DicomSeries& series = found[1];
-  EXPECT_EQ(series.modality, "CT");
-  EXPECT_TRUE(series.is_ct);
-  EXPECT_EQ(series.series_uid, DicomSlice().series_uid);
-  EXPECT_EQ(series.slices, 4);
-  EXPECT_EQ(series.columns, 7);
-  EXPECT_EQ(series.rows, 5);
-  EXPECT_LT((series.spacing_mm - small_grid().spacing_mm).norm(), 1e-9);
-  EXPECT_EQ(series.axes, (Eigen::Matrix<double, 3, 2>::Identity()));
-  EXPECT_EQ(series.transfer_syntax_uid, "1.2.840.10008.1.2.1");
-  EXPECT_EQ(series.series_number, 1);
-  EXPECT_TRUE(series.problems.empty());
-}
-
-TEST_F(DicomDisc, OneOfSeveralCtSeriesMustBeChosen) {
-  add_second_ct();
-  DicomReadOptions options;
-  expect_input_error([&] { read_dicom_ct(folder_.path()); },
-                     {"2 CT series", "series_uid", "1.2.826.0.1.3680043.2.1.1",
-                      "1.2.826.0.1.3680043.2.1.2", "4 slices of 7 x 5"});
-  options.series_uid = "1.2.826.0.1.3680043.2.1.2";
-  EXPECT_EQ(read_dicom_ct(folder_.path(), options).volume.at(3, 3, 3), 77);
-  options.series_uid = "1.2.826.0.1.3680043.2.1.1";
-  const LoadedCt first = read_dicom_ct(folder_.path(), options);
-  expect_shows_the_patient(first.volume, kRounding);
-  EXPECT_TRUE(warned(first, "1.2.826.0.1.3680043.2.1.2 of modality CT"));
-  options.series_uid = "1.2.3";
-  expect_input_error([&] { read_dicom_ct(folder_.path(), options); }, {"'1.2.3'", "among"});
-}
-
-TEST_F(DicomDisc, OneFileStandsForItsSeries) {
-  add_second_ct();
-  expect_shows_the_patient(read_dicom_ct(ct() / "slice_2.dcm").volume, kRounding);
-  EXPECT_EQ(read_ct(folder_.path() / "study" / "ct2" / "slice_0.dcm").volume.at(1, 1, 1), 77);
-  const auto found = find_dicom_series(ct() / "slice_2.dcm");
-  ASSERT_EQ(found.size(), 1U);
-  EXPECT_EQ(found[0].slices, 4);
-}
-
-TEST_F(DicomDisc, ReadCtTakesImageFilesAsWell) {
-  const TemporaryFolder other;
-  const CtVolume volume = test::sampled(test::example_grids().back().grid);
-  write_volume(volume, other.path() / "ct.nrrd");
-  const LoadedCt loaded = read_ct(other.path() / "ct.nrrd");
-  EXPECT_EQ(loaded.format, "NRRD");
-  EXPECT_EQ(loaded.volume.voxels, volume.voxels);
-  EXPECT_TRUE(loaded.series_uid.empty());
-  fs::rename(ct(), folder_.path() / "study" / "ct.nii.gz");  // a folder may be called anything
-  EXPECT_EQ(read_ct(folder_.path()).format, "DICOM");
-  EXPECT_EQ(read_ct(folder_.path() / "study" / "ct.nii.gz").format, "DICOM");
-}
-
-TEST_F(DicomDisc, LocalizersReportsAndCapturesAreNoSlices) {
-  DicomSlice localizer;
-  localizer.image_type = "ORIGINAL\\PRIMARY\\LOCALIZER";
-  localizer.axes << 0, 0, 1, 0, 0, 1;
-  test::write_dicom(ct() / "scout.dcm", localizer);
-  DicomSlice capture;
-  capture.sop_class = "1.2.840.10008.5.1.4.1.1.7";
-  capture.changes[{0x0020, 0x0032}] = std::nullopt;
-  test::write_dicom(ct() / "dose.dcm", capture);
-  const LoadedCt loaded = read_dicom_ct(folder_.path());
-  expect_shows_the_patient(loaded.volume, kRounding);
-  EXPECT_TRUE(warned(loaded, "1 localizers (scout.dcm)"));
-  EXPECT_TRUE(warned(loaded, "no CT images (dose.dcm)"));
-}
-
-TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {
-  std::vector<double> fractions;
-  const int before = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const CtVolume one =
-      read_dicom_ct(folder_.path(), {}, [&](double f) { fractions.push_back(f); }).volume;
-  omp_set_num_threads(4);
-  const CtVolume four = read_dicom_ct(folder_.path()).volume;
-  omp_set_num_threads(before);
-  EXPECT_EQ(one.voxels, four.voxels);
-  EXPECT_TRUE(same_grid(one.grid, four.grid));
-  EXPECT_EQ(fractions, (std::vector<double>{0.25, 0.5, 0.75, 1.0}));
-}
-
-TEST_F(DicomDisc, NoPatientIdentifierLeavesTheReader) {
-  add_second_ct();
-  std::string said;
-  for (const DicomSeries& series : find_dicom_series(folder_.path())) {
-    said += series.series_uid + series.modality + series.frame_of_reference_uid;
-    for (const std::string& problem : series.problems) said += problem;
-  }
-  const auto read = [&](const fs::path& path) {
-    try {
-      const LoadedCt loaded = read_dicom_ct(path);
-      for (const std::string& warning : loaded.warnings) said += warning;
-    } catch (const InputError& error) {
-      said += error.what();
-    }
-  };
-  read(folder_.path());
-  read(ct());
-  for (const gdcm::Tag& tag : {gdcm::Tag(0x0028, 0x0010), gdcm::Tag(0x0020, 0x0032),
-                               gdcm::Tag(0x0028, 0x1053), gdcm::Tag(0x0020, 0x000e)}) {
-    DicomSlice bad;
-    bad.changes[tag] = "?";
-    test::write_dicom(ct() / "bad.dcm", bad);
-    read(ct());
-  }
-  EXPECT_GT(said.size(), 500U);
-  for (const std::string& identifier : test::patient_identifiers())
-    EXPECT_EQ(said.find(identifier), std::string::npos) << identifier << " in " << said;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Series of real scanners, against what dcmdump and others read from the same files.
+// Series of real scanners, compared to what dcmdump and others read from the same files.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The numbers of one attribute, as dcmdump prints them; empty if dcmdump is not there.
+/// The numbers of one attribute, as dcmdump prints them; empty if dcmdump is not installed.
 std::vector<double> dumped_numbers(const fs::path& path, const std::string& tag) {
   const std::string command = "dcmdump -q +P " + tag + " '" + path.string() + "' 2>/dev/null";
   const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
@@ -67,7 +67,7 @@ TEST(DicomRealData, AbdomenLiesWhereItsPositionsSay) {
   EXPECT_LT(*range.second, 3072);
 }
 
-/// The organs were found by others, who wrote their label map through another DICOM reader.
+/// The label map of the organs was made by others, with another DICOM reader.
 TEST(DicomRealData, OrgansOfTheLabelMapHaveTheirDensities) {
   const fs::path folder = test::data_root() / "totalseg_ct";
   USCT_REQUIRE_DATA(folder);
@@ -93,7 +93,7 @@ TEST(DicomRealData, OrgansOfTheLabelMapHaveTheirDensities) {
         organ.sum += hu;
         organ.squares += hu * hu;
       }
-  // Flipped or shifted by a few voxels, the organs' borders would widen these.
+  // A flip or a shift by a few voxels would mix other tissues in and widen these ranges.
   EXPECT_NEAR(organs[5].mean(), 90.0, 15.0);  // liver, portal venous phase
   EXPECT_LT(organs[5].deviation(), 25.0);
   EXPECT_NEAR(organs[1].mean(), 80.0, 15.0);  // spleen
@@ -102,14 +102,14 @@ TEST(DicomRealData, OrgansOfTheLabelMapHaveTheirDensities) {
   EXPECT_GT(organs[69].mean(), 500.0);  // a humerus
 }
 
-/// The files as dcmdump and their last bytes give them.
+/// The slices as dcmdump and the last bytes of the files give them.
 struct TiltedSlice {
   std::string name;
   Eigen::Vector3d position_mm, row, column;
   double depth_mm = 0.0;
   std::vector<std::int16_t> pixels;
 
-  /// Bilinear at a point's foot on the slice; false outside of it.
+  /// Interpolates at the point's projection onto the slice. Returns false outside the slice.
   bool sample(const Eigen::Vector3d& p_mm, double spacing_mm, double* value) const {
     const double x = row.dot(p_mm - position_mm) / spacing_mm;
     const double y = column.dot(p_mm - position_mm) / spacing_mm;

@@ -1,50 +1,20 @@
 #include <gtest/gtest.h>
 #include <itkMetaImageIO.h>
 
-#include <algorithm>
-#include <map>
-#include <set>
-#include <sstream>
-
 #include "core/io/bad_files.h"
-#include "test_data.h"
-#include "test_paths.h"
+#include "core/io/igsio_text.h"
 #include "us_ct_registration/io/ultrasound/igsio.h"
 
 namespace usct {
 namespace {
 
 using test::expect_input_error;
+using test::good_file;
+using test::kData;
+using test::read;
+using test::replaced;
 using test::spit;
 using test::TemporaryFolder;
-
-const std::string kHeader =
-    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
-    "CompressedData = False\nDimSize = 3 2 2   \nElementSpacing = 1 1 1\nElementType = MET_UCHAR\n"
-    "UltrasoundImageOrientation = MFA\nUltrasoundImageType = BRIGHTNESS\n"
-    "Seq_Frame0000_ProbeToTrackerTransform = 0 -1 0 10 1 0 0 2.0e-016 0 0 1 30 0 0 0 1 \n"
-    "Seq_Frame0000_ProbeToTrackerTransformStatus = OK\n"
-    "Seq_Frame0000_ReferenceToTrackerTransform = 1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n"
-    "Seq_Frame0000_ReferenceToTrackerTransformStatus = OK\n"
-    "Seq_Frame0000_Timestamp = 12.5\nSeq_Frame0000_ImageStatus = OK\n"
-    "Seq_Frame0001_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
-    "Seq_Frame0001_ProbeToTrackerTransformStatus = INVALID\n"
-    "Seq_Frame0001_ReferenceToTrackerTransform = 1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n"
-    "Seq_Frame0001_UnfilteredTimestamp = 13.25\n";
-const std::string kData = "abcdefghijkl";
-
-std::string good_file() { return kHeader + "ElementDataFile = LOCAL\n" + kData; }
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
-  return text.replace(at, from.size(), to);
-}
-
-IgsioSequence read(const std::string& content) {
-  const TemporaryFolder folder;
-  return read_igsio(spit(folder.path() / "sweep.igs.mha", content));
-}
 
 std::string text_of(const OrientedImage& image) {
   return {image.pixels.begin(), image.pixels.end()};
@@ -259,193 +229,6 @@ TEST(Igsio, WhatCannotStandInAHeaderIsNotWritten) {
   expect_input_error([&] { write_igsio(sequence, folder.path() / "out.mha", false); },
                      {"11", "12"});
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
-}
-
-TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
-  const IgsioFrame frame = read(good_file()).frames[0];
-  IgsioTransforms calibration;
-  IgsioTransform image_to_probe;
-  image_to_probe.T = Eigen::Translation3d(1, 2, 3) * Eigen::Scaling(0.5);
-  image_to_probe.status = "OK";
-  calibration["ImageToProbe"] = image_to_probe;
-  const Eigen::Affine3d T = transform_chain(frame, calibration, "Image", "Reference", "frame 0");
-  // By hand: image (4, 0, 0) -> probe (3, 2, 3) -> tracker (-2 + 10, 3, 33) -> minus (5, 6, 7).
-  EXPECT_LT((T * Eigen::Vector3d(4, 0, 0) - Eigen::Vector3d(3, -3, 26)).norm(), 1e-12);
-  const Eigen::Affine3d back = transform_chain(frame, calibration, "Reference", "Image", "frame 0");
-  EXPECT_LT((back * T).matrix().isIdentity(1e-12) ? 0.0 : 1.0, 0.5);
-  EXPECT_TRUE(
-      transform_chain(frame, calibration, "Probe", "Probe", "frame 0").matrix().isIdentity());
-}
-
-TEST(TransformChain, NamesTheLinkThatIsInvalidOrMissing) {
-  const IgsioSequence sequence = read(good_file());
-  const auto refuse = [&](int frame, const std::string& from, const std::string& to,
-                          std::initializer_list<std::string> fragments) {
-    expect_input_error(
-        [&] {
-          transform_chain(sequence.frames[static_cast<std::size_t>(frame)], {}, from, to,
-                          "frame 1");
-        },
-        fragments);
-  };
-  refuse(1, "Probe", "Tracker", {"frame 1", "'Probe' to 'Tracker'", "ProbeToTracker is INVALID"});
-  refuse(1, "Probe", "Reference",
-         {"ProbeToTracker is INVALID", "ReferenceToTracker is without status"});
-  refuse(0, "Image", "Tracker", {"'Image' to 'Tracker'", "no chain", "nothing"});
-  refuse(0, "Probe", "Image", {"'Probe' to 'Image'", "no chain", "Reference, Tracker"});
-}
-
-TEST(TransformChain, ReadsNamesThatHoldToMoreThanOnce) {
-  IgsioFrame frame;
-  for (const char* name : {"ToolToTracker", "StylusToToolTip", "ToolTipToTool"})
-    frame.transforms[name] = {Eigen::Affine3d(Eigen::Translation3d(1, 0, 0)), "OK"};
-  EXPECT_NEAR(transform_chain(frame, {}, "Stylus", "Tracker", "frame").translation().x(), 3.0,
-              1e-15);
-}
-
-TEST(PlusCalibration, ReadsTheTransformsOfAConfiguration) {
-  const std::string good =
-      "<PlusConfiguration><CoordinateDefinitions>"
-      "<Transform From=\"Image\" To=\"Probe\" Matrix=\" 2 0 0 1\n 0 2 0 2\n 0 0 2 3\n 0 0 0 1\" "
-      "Error=\"0.4\"/>"
-      "</CoordinateDefinitions><Transform From=\"Other\" To=\"Thing\"/></PlusConfiguration>";
-  const TemporaryFolder folder;
-  const auto read_text = [&](const std::string& text) {
-    return read_plus_calibration(spit(folder.path() / "config.xml", text));
-  };
-  const IgsioTransforms transforms = read_text(good);
-  ASSERT_EQ(transforms.size(), 1U);
-  EXPECT_TRUE(transforms.at("ImageToProbe").valid());
-  EXPECT_EQ(transforms.at("ImageToProbe").T * Eigen::Vector3d(1, 1, 1), Eigen::Vector3d(3, 4, 5));
-  const auto refuse = [&](const std::string& from, const std::string& to,
-                          std::initializer_list<std::string> fragments) {
-    expect_input_error([&] { read_text(replaced(good, from, to)); }, fragments);
-  };
-  refuse("From=\"Image\" ", "", {"config.xml", "line 1", "From"});
-  refuse(" 0 0 0 1\"", "\"", {"ImageToProbe", "12", "16"});
-  refuse("2 0 0 1", "x 0 0 1", {"ImageToProbe", "x"});
-  refuse("</CoordinateDefinitions>", "</Other>", {"config.xml", "line 4", "mismatched"});
-  refuse("CoordinateDefinitions>", "Other>", {"config.xml"});
-  expect_input_error([&] { read_text("<PlusConfiguration/>"); }, {"CoordinateDefinitions"});
-  const std::string one =
-      good.substr(good.find("<Transform"), good.find("</Coord") - good.find("<Transform"));
-  refuse("</CoordinateDefinitions>", one + "</CoordinateDefinitions>", {"ImageToProbe", "twice"});
-  test::expect_refuses_broken_files([](const auto& path) { read_plus_calibration(path); },
-                                    test::to_bytes(good), ".xml");
-}
-
-/// What a recording must give, counted in its header with plain text search: no code is shared with
-/// the reader.
-struct Counted {
-  std::string text;
-
-  explicit Counted(const std::filesystem::path& path) {
-    const test::FileBytes bytes = test::slurp(path);
-    text.assign(bytes.begin(), bytes.end());
-    text.resize(text.find("ElementDataFile"));
-  }
-  int lines_with(const std::string& name, const std::string& value = "") const {
-    std::istringstream stream(text);
-    int count = 0;
-    for (std::string line; std::getline(stream, line);) {
-      const std::size_t equals = line.find(" = ");
-      if (equals == std::string::npos || line.substr(0, 9) != "Seq_Frame") continue;
-      const std::string key = line.substr(0, equals);
-      const bool named = key.size() >= name.size() && key.substr(key.size() - name.size()) == name;
-      std::string found = line.substr(equals + 3);
-      while (!found.empty() && (found.back() == ' ' || found.back() == '\r')) found.pop_back();
-      count += named && (value.empty() || found == value) ? 1 : 0;
-    }
-    return count;
-  }
-};
-
-TEST(IgsioRealData, EverySequenceReadsWithAllPosesStampsAndFlags) {
-  const std::filesystem::path folder = test::data_root() / "plus_us";
-  USCT_REQUIRE_DATA(folder);
-  int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (name.find(".igs.mh") == std::string::npos) continue;
-    SCOPED_TRACE(name);
-    ++files;
-    const Counted counted(entry.path());
-    EXPECT_TRUE(is_igsio(entry.path()));
-    const IgsioSequence sequence = read_igsio(entry.path());
-    int stamps = 0, images_ok = 0, transforms = 0, valid = 0, invalid = 0;
-    double last = -1.0;
-    for (const IgsioFrame& frame : sequence.frames) {
-      stamps += frame.timestamp_s.has_value() ? 1 : 0;
-      EXPECT_GT(frame.timestamp_s.value_or(-2.0), last);
-      last = frame.timestamp_s.value_or(-2.0);
-      images_ok += frame.image_status == "OK" ? 1 : 0;
-      for (const auto& [key, transform] : frame.transforms) {
-        ++transforms;
-        valid += transform.valid() ? 1 : 0;
-        invalid += transform.status == "INVALID" ? 1 : 0;
-        EXPECT_NEAR(transform.T.linear().determinant(), 1.0, 1e-4) << key;
-      }
-    }
-    EXPECT_EQ(stamps, counted.lines_with("_Timestamp"));
-    EXPECT_EQ(static_cast<int>(sequence.frames.size()), stamps);
-    EXPECT_EQ(images_ok, counted.lines_with("_ImageStatus", "OK"));
-    EXPECT_EQ(transforms, counted.lines_with("Transform"));
-    EXPECT_EQ(valid, counted.lines_with("TransformStatus", "OK"));
-    EXPECT_EQ(invalid, counted.lines_with("TransformStatus", "INVALID"));
-    EXPECT_EQ(sequence.data.size(), sequence.frame_bytes() * sequence.frames.size());
-  }
-  EXPECT_EQ(files, 12);
-}
-
-TEST(IgsioRealData, PixelsAreThoseOfItksReader) {
-  const std::filesystem::path path = test::data_root() / "plus_us" / "SpinePhantomFreehand.igs.mha";
-  USCT_REQUIRE_DATA(path);
-  const IgsioSequence sequence = read_igsio(path);
-  const auto io = itk::MetaImageIO::New();
-  io->SetFileName(path.string());
-  io->ReadImageInformation();
-  itk::ImageIORegion region(3);
-  for (unsigned axis = 0; axis < 3; ++axis) region.SetSize(axis, io->GetDimensions(axis));
-  io->SetIORegion(region);
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(io->GetImageSizeInBytes()));
-  io->Read(bytes.data());
-  EXPECT_TRUE(bytes == sequence.data);
-  EXPECT_GT(std::set<std::uint8_t>(bytes.begin(), bytes.end()).size(), 100U);
-}
-
-TEST(IgsioRealData, TheBrightnessFramesFitTheShippedProbe) {
-  const std::filesystem::path path =
-      test::data_root() / "plus_us" / "UltrasonixCurvilinearBrightnessData.igs.mha";
-  USCT_REQUIRE_DATA(path);
-  const ProbeConfig probe =
-      read_probe_config(std::filesystem::path(USCT_SOURCE_DIR) / "config/probes/bpc8-4_10.yaml");
-  const TrackedSweep sweep{std::vector<Eigen::Isometry3d>(5, Eigen::Isometry3d::Identity()), {}};
-  const PreScanVolume volume = to_prescan(read_igsio(path), probe, sweep, path.string());
-  EXPECT_EQ(volume.geometry.samples(), 3640);
-  EXPECT_NEAR(volume.geometry.axial.spacing_mm * 3640, 72.0, 1e-9);
-}
-
-TEST(IgsioRealData, AMovingProbeHasAChainOnlyWhereItWasSeen) {
-  const std::filesystem::path path = test::data_root() / "plus_us" / "NwirePhantomFreehand.igs.mha";
-  USCT_REQUIRE_DATA(path);
-  const IgsioSequence sequence = read_igsio(path);
-  EXPECT_NO_THROW(transform_chain(sequence.frames[0], {}, "Probe", "Reference", "frame 0"));
-  expect_input_error(
-      [&] { transform_chain(sequence.frames[0], {}, "Stylus", "Reference", "frame 0"); },
-      {"StylusToTracker is INVALID"});
-}
-
-TEST(PlusRealData, ReadsTheCalibrationOfADeviceSet) {
-  const std::filesystem::path path =
-      test::data_root() / "plus_us" / "PlusDeviceSet_fCal_Sim_SpatialCalibration_1.2.xml";
-  USCT_REQUIRE_DATA(path);
-  const IgsioTransforms transforms = read_plus_calibration(path);
-  EXPECT_EQ(transforms.size(), 3U);
-  EXPECT_EQ(transforms.at("StylusTipToStylus").T.translation(),
-            Eigen::Vector3d(203.772, -12.283, 1.17469));
-  EXPECT_EQ(transforms.at("PhantomToReference").T.matrix()(1, 1), -0.9996);
-  EXPECT_EQ(transforms.at("ImageToTransducerOriginPixel").T.translation(),
-            Eigen::Vector3d(-410, 5, 0));
 }
 
 }  // namespace

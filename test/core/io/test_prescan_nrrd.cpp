@@ -149,7 +149,7 @@ RC_GTEST_PROP(PreScanNrrd, WhatIsWrittenComesBack, ()) {
   const PreScanVolume back = read_prescan_nrrd(folder.path() / "sweep.nrrd");
   RC_ASSERT(back.voxels == volume.voxels);
   RC_ASSERT(back.acquisition_time == volume.acquisition_time);
-  // Millimetres and seconds bit by bit.
+  // Millimetres and seconds come back bit by bit.
   RC_ASSERT(back.geometry.axial.start_depth_mm == volume.geometry.axial.start_depth_mm);
   RC_ASSERT(back.geometry.axial.spacing_mm == volume.geometry.axial.spacing_mm);
   RC_ASSERT(back.geometry.array.index() == volume.geometry.array.index());
@@ -198,7 +198,7 @@ TEST(PreScanNrrd, IsAPlainNrrdForOtherPrograms) {
 }
 
 TEST(PreScanNrrd, ReadsWhatAnotherProgramHasSavedAgain) {
-  // ITK's (teem's) writer: other order of the header, other encoding, keys kept.
+  // ITK's writer changes the order of the header and the encoding, and keeps the keys.
   const TemporaryFolder folder;
   const std::string path = spit(folder.path() / "ours.nrrd", motorised_file()).string();
   const auto reader = itk::NrrdImageIO::New();

@@ -130,11 +130,12 @@ TEST(ProbeConfig, NamesTheKeyThatIsWrong) {
 }
 
 TEST(ProbeConfig, RefusesBrokenFiles) {
-  test::expect_refuses_broken_files([](const auto& path) { read_probe_config(path); },
-                                    // Ends without a line end: any shorter text is another file.
-                                    test::to_bytes("name: t\nkind: linear\nstart_depth_mm: 0\n"
-                                                   "line_positions_mm: [-1, 0.5, 3]"),
-                                    ".yaml");
+  test::expect_refuses_broken_files(
+      [](const auto& path) { read_probe_config(path); },
+      // The text ends without a line end, so that any shorter text differs.
+      test::to_bytes("name: t\nkind: linear\nstart_depth_mm: 0\n"
+                     "line_positions_mm: [-1, 0.5, 3]"),
+      ".yaml");
 }
 
 TEST(ProbeConfig, EveryWayToSayTheSampleSpacing) {

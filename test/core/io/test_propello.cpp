@@ -112,7 +112,7 @@ TEST(Propello, RefusesSizesThatTheFileDoesNotBear) {
   file = {}, file.ss = 16, refuse(file, {"ss", "16", "8"});
   file = {}, file.degPerFr = -731, refuse(file, {"degPerFr", "-731"});
   file = {}, file.degPerFr = kMax, refuse(file, {"degPerFr"});
-  // Products that overflow 32 or 64 bits.
+  // These products overflow 32 or 64 bits.
   file = {}, file.w = 65536, file.h = 65536, refuse(file, {"65536"});
   file = {}, file.volumes = file.fpv = file.w = file.h = kMax, refuse(file, {"too large"});
   file = {}, file.volumes = file.fpv = file.w = file.h = 65536, refuse(file, {"too large"});

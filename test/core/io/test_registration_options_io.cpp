@@ -2,8 +2,12 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
-#include <limits>
+#include <cmath>
+#include <regex>
+#include <set>
+#include <sstream>
 
+#include "core/io/any_registration_options.h"
 #include "core/io/bad_files.h"
 #include "test_paths.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -37,267 +41,37 @@ std::string replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
-// Any options that are valid, and whether two are the same. Structured bindings hold every field:
-// a new one does not compile until it is here, and so must come back from a file.
-
-double between(double low, double high) {
-  constexpr int kSteps = 1 << 30;
-  return low + (high - low) * *rc::gen::inRange(0, kSteps + 1) / kSteps;
-}
-template <typename Enum>
-Enum one_of(std::initializer_list<Enum> values) {
-  return *rc::gen::elementOf(std::vector<Enum>(values));
-}
-bool any_bool() { return *rc::gen::arbitrary<bool>(); }
-int any_int(int low, int high) { return *rc::gen::inRange(low, high); }
-
-void randomise(HuWindow& o) {
-  auto& [low_hu, high_hu] = o;
-  low_hu = any_int(-1000, 0);
-  high_hu = any_int(1, 3000);
-}
-void randomise(DepthOptions& o) {
-  auto& [min_mm, max_mm, automatic, near_mm, near_limit_mm, share, margin_mm] = o;
-  if (any_bool()) min_mm = between(0, 40);
-  if (any_bool()) max_mm = between(41, 200);
-  automatic = any_bool();
-  near_mm = between(0, 20);
-  near_limit_mm = between(0, 50);
-  share = between(0.01, 2);
-  margin_mm = between(0, 9);
-}
-void randomise(ConditioningOptions& o) {
-  auto& [normalisation, smoothing, window, least, depth, saturated, contact, shadow, grey, length] =
-      o;
-  normalisation = one_of({Normalisation::kNone, Normalisation::kFlatten, Normalisation::kZScore});
-  smoothing = between(0, 3);
-  window = between(0.1, 20);
-  least = between(0.01, 1);
-  randomise(depth);
-  saturated = any_bool() ? std::numeric_limits<double>::infinity() : between(1, 300);
-  contact = between(0, 0.9);
-  shadow = between(0, 0.9);
-  grey = between(0, 255);
-  length = between(0, 30);
-}
-void randomise(PatchOptions& o) {
-  auto& [depth_mm, lateral_mm, elevation_mm, share, samples] = o;
-  depth_mm = between(0.1, 50);
-  lateral_mm = any_bool() ? std::numeric_limits<double>::infinity() : between(0.1, 50);
-  elevation_mm = between(0.1, 50);
-  share = between(0.01, 1);
-  samples = one_of({SampleSubset::kAll, SampleSubset::kHalf});
-}
-void randomise(SimilarityOptions& o) {
-  auto& [kind, channel, patches, weighting, pressed, ridge, ridge_gradient, positive, power, bins,
-         gradient_bins, gradient_scale, scalar] = o;
-  kind = one_of({SimilarityKind::kLocalLc2, SimilarityKind::kGlobalLc2, SimilarityKind::kNcc,
-                 SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio,
-                 SimilarityKind::kJointCorrelationRatio, SimilarityKind::kSimulatedLc2});
-  channel = one_of({GradientChannel::kMagnitude, GradientChannel::kAlongBeam});
-  randomise(patches);
-  weighting =
-      one_of({PatchWeighting::kCount, PatchWeighting::kDeviation, PatchWeighting::kVariance});
-  pressed = between(0, 200);
-  ridge = between(0, 99);
-  ridge_gradient = between(0, 99);
-  positive = any_bool();
-  power = between(0.25, 8);
-  bins = any_int(8, 129);
-  gradient_bins = any_int(2, 33);
-  gradient_scale = between(0.1, 100);
-  scalar = any_bool();
-}
-void randomise(StartOptions& o) {
-  auto& [region, count, rotation_rad, translation_mm] = o;
-  region = one_of({StartRegion::kBox, StartRegion::kBall});
-  count = any_int(1, 100000);
-  rotation_rad = between(0, region == StartRegion::kBox ? 1.8 : 3.14);
-  translation_mm = between(0, 100);
-}
-/// The seed is not in files: a registration passes its own on.
-void randomise(OptimizerOptions& o) {
-  auto& [method, seed, evaluations, step, tolerance, cost, population] = o;
-  static_cast<void>(seed);
-  method = one_of({OptimizerMethod::kCmaEs, OptimizerMethod::kBobyqa, OptimizerMethod::kNelderMead,
-                   OptimizerMethod::kPraxis});
-  evaluations = any_int(0, 100000);
-  step = between(1, 10);
-  tolerance = between(0.001, 0.9);
-  cost = between(0, 1);
-  population = any_bool() ? 0 : any_int(5, 100);
-}
-void randomise(SimulationOptions& o) {
-  auto& [interpolation, outside, window, shift, floor, length, transmission, occlusion, compression,
-         log_a, scale, is_signed, map] = o;
-  interpolation = one_of({Interpolation::kNearest, Interpolation::kTrilinear});
-  outside = between(-100, 100);
-  if (any_bool()) randomise(window.emplace());
-  shift = between(900, 1100);
-  floor = between(1, 100);
-  length = between(0.1, 3);
-  if (any_bool()) transmission = between(0.1, 3);
-  occlusion.by_threshold = any_bool();
-  occlusion.bone_hu = between(300, 900);
-  occlusion.gas_hu = between(-900, -300);
-  occlusion.gradient_hu_per_mm =
-      any_bool() ? std::numeric_limits<double>::infinity() : between(100, 900);
-  compression = one_of({LogCompression::kReflection, LogCompression::kIntensity});
-  log_a = between(1, 30);
-  scale = between(1, 200);
-  is_signed = any_bool();
-  map = {between(0.5, 2), between(-2000, -1000), any_bool()};
-}
-void randomise(FitOptions& o) {
-  auto& [weights, use_background, min_overlap] = o;
-  if (any_bool()) weights = SimulationWeights{between(-2, 2), between(-2, 2), between(-9, 9)};
-  use_background = any_bool();
-  min_overlap = between(0, 1);
-}
-void randomise(ConfidenceOptions& o) {
-  auto& [min_overlap, background, background_mm, significance, margin, disagreement, displacement,
-         confirmation, scatter, factor, systematic] = o;
-  min_overlap = between(0, 1);
-  background = any_int(16, 500);
-  background_mm = between(1, 50);
-  significance = between(-9, 99);
-  margin = between(0, 1);
-  disagreement = between(0, 9);
-  displacement = any_bool() ? std::numeric_limits<double>::infinity() : between(1, 99);
-  randomise(confirmation);
-  scatter = between(0, 9);
-  factor = between(0.1, 9);
-  systematic = between(0, 3);
-}
-void randomise(StageOptions& o) {
-  auto& [spacing, similarity, starts, optimised, kept, optimizer, reach, depth, sweep] = o;
-  // Only the first stage may have starts, only the last may estimate errors.
-  static_cast<void>(starts);
-  static_cast<void>(depth);
-  static_cast<void>(sweep);
-  spacing = between(0.1, 10);
-  randomise(similarity);
-  optimised = any_int(1, 100);
-  kept = any_int(1, optimised + 1);
-  randomise(optimizer);
-  reach = between(10, 100);
-}
-RegistrationOptions any_options() {
-  RegistrationOptions options;
-  auto& [window, outside_hu, spacing, conditioning, simulation, fit, stages, rounds, distinct_mm,
-         confidence, seed] = options;
-  randomise(window);
-  outside_hu = any_int(0, 2);
-  spacing = between(0.1, 5);
-  randomise(conditioning);
-  stages.resize(static_cast<std::size_t>(any_int(1, 5)));
-  for (StageOptions& stage : stages) randomise(stage);
-  if (any_bool()) randomise(stages.front().starts.emplace());
-  stages.back().depth_error = between(0, 0.1);
-  stages.back().sweep_error = between(0, 0.1);
-  randomise(simulation);
-  randomise(fit);
-  rounds = any_int(1, 7);
-  randomise(confidence);
-  distinct_mm = between(0, 10);
-  seed = *rc::gen::arbitrary<std::uint32_t>();
-  return options;
-}
-
-bool same(const HuWindow& a, const HuWindow& b) {
-  return a.low_hu == b.low_hu && a.high_hu == b.high_hu;
-}
-bool same(const DepthOptions& a, const DepthOptions& b) {
-  return a.min_mm == b.min_mm && a.max_mm == b.max_mm && a.automatic == b.automatic &&
-         a.near_field_mm == b.near_field_mm && a.near_field_limit_mm == b.near_field_limit_mm &&
-         a.far_wall_share == b.far_wall_share && a.far_wall_margin_mm == b.far_wall_margin_mm;
-}
-bool same(const ConditioningOptions& a, const ConditioningOptions& b) {
-  return a.normalisation == b.normalisation && a.smoothing_mm == b.smoothing_mm &&
-         a.window_mm == b.window_mm && a.least_deviation == b.least_deviation &&
-         same(a.depth, b.depth) && a.saturated_grey == b.saturated_grey &&
-         a.no_contact_share == b.no_contact_share && a.shadow_share == b.shadow_share &&
-         a.visible_grey == b.visible_grey && a.min_shadow_mm == b.min_shadow_mm;
-}
-bool same(const PatchOptions& a, const PatchOptions& b) {
-  return a.depth_mm == b.depth_mm && a.lateral_mm == b.lateral_mm &&
-         a.elevation_mm == b.elevation_mm && a.least_share == b.least_share &&
-         a.samples == b.samples;
-}
-bool same(const SimilarityOptions& a, const SimilarityOptions& b) {
-  return a.kind == b.kind && a.channel == b.channel && same(a.patches, b.patches) &&
-         a.weighting == b.weighting && a.pressed_mm == b.pressed_mm &&
-         a.ridge_intensity_hu == b.ridge_intensity_hu &&
-         a.ridge_gradient_hu_per_mm == b.ridge_gradient_hu_per_mm &&
-         a.positive_gradient == b.positive_gradient && a.power == b.power && a.bins == b.bins &&
-         a.gradient_bins == b.gradient_bins &&
-         a.gradient_scale_hu_per_mm == b.gradient_scale_hu_per_mm && a.scalar == b.scalar;
-}
-bool same(const StartOptions& a, const StartOptions& b) {
-  return a.region == b.region && a.count == b.count &&
-         std::abs(a.rotation_rad - b.rotation_rad) <= 1e-15 * a.rotation_rad &&
-         a.translation_mm == b.translation_mm;
-}
-bool same(const OptimizerOptions& a, const OptimizerOptions& b) {
-  return a.method == b.method && a.max_evaluations == b.max_evaluations &&
-         a.initial_step == b.initial_step && a.step_tolerance == b.step_tolerance &&
-         a.cost_tolerance == b.cost_tolerance && a.population == b.population;
-}
-bool same(const StageOptions& a, const StageOptions& b) {
-  return a.spacing_mm == b.spacing_mm && same(a.similarity, b.similarity) &&
-         a.starts.has_value() == b.starts.has_value() &&
-         (!a.starts || same(*a.starts, *b.starts)) && a.optimised == b.optimised &&
-         a.kept == b.kept && same(a.optimizer, b.optimizer) && a.reach_mm == b.reach_mm &&
-         a.depth_error == b.depth_error && a.sweep_error == b.sweep_error;
-}
-bool same(const SimulationOptions& a, const SimulationOptions& b) {
-  return a.interpolation == b.interpolation && a.outside_hu == b.outside_hu &&
-         a.window.has_value() == b.window.has_value() &&
-         (!a.window || same(*a.window, *b.window)) && a.hu_shift == b.hu_shift &&
-         a.mu_floor == b.mu_floor && a.gradient_length_mm == b.gradient_length_mm &&
-         a.transmission_length_mm == b.transmission_length_mm &&
-         a.occlusion.by_threshold == b.occlusion.by_threshold &&
-         a.occlusion.bone_hu == b.occlusion.bone_hu && a.occlusion.gas_hu == b.occlusion.gas_hu &&
-         a.occlusion.gradient_hu_per_mm == b.occlusion.gradient_hu_per_mm &&
-         a.log_compression == b.log_compression && a.log_a == b.log_a &&
-         a.reflection_scale == b.reflection_scale && a.signed_reflection == b.signed_reflection &&
-         a.map.slope == b.map.slope && a.map.offset == b.map.offset && a.map.clamp == b.map.clamp;
-}
-bool same(const FitOptions& a, const FitOptions& b) {
-  return a.fixed_weights.has_value() == b.fixed_weights.has_value() &&
-         (!a.fixed_weights || (a.fixed_weights->mapped_ct == b.fixed_weights->mapped_ct &&
-                               a.fixed_weights->reflection == b.fixed_weights->reflection &&
-                               a.fixed_weights->bias == b.fixed_weights->bias)) &&
-         a.use_background == b.use_background && a.min_overlap == b.min_overlap;
-}
-bool same(const ConfidenceOptions& a, const ConfidenceOptions& b) {
-  return a.min_overlap == b.min_overlap && a.background == b.background &&
-         a.background_mm == b.background_mm && a.min_significance == b.min_significance &&
-         a.min_margin == b.min_margin && a.max_disagreement_mm == b.max_disagreement_mm &&
-         a.max_displacement_mm == b.max_displacement_mm && same(a.confirmation, b.confirmation) &&
-         a.max_scatter_mm == b.max_scatter_mm && a.deviation_factor == b.deviation_factor &&
-         a.systematic_mm == b.systematic_mm;
-}
+/// By their text, in which every number has all its digits but the last of angles in degrees.
 bool same(const RegistrationOptions& a, const RegistrationOptions& b) {
-  return same(a.window, b.window) && a.outside_hu == b.outside_hu &&
-         a.conditioning_spacing_mm == b.conditioning_spacing_mm &&
-         same(a.conditioning, b.conditioning) && a.stages.size() == b.stages.size() &&
-         std::equal(a.stages.begin(), a.stages.end(), b.stages.begin(),
-                    [](const StageOptions& x, const StageOptions& y) { return same(x, y); }) &&
-         same(a.simulation, b.simulation) && same(a.fit, b.fit) && a.rounds == b.rounds &&
-         same(a.confidence, b.confidence) && a.distinct_mm == b.distinct_mm && a.seed == b.seed;
+  const auto angle = [](const RegistrationOptions& o) {
+    return o.search.starts ? o.search.starts->rotation_rad : 0.0;
+  };
+  const auto text = [](RegistrationOptions o) {
+    if (o.search.starts) o.search.starts->rotation_rad = 0.0;
+    o.confidence.background.spread_rad = 1.0;
+    return registration_options_yaml(o);
+  };
+  const auto near = [](double x, double y) { return std::abs(x - y) <= 1e-15 * x; };
+  return text(a) == text(b) && near(angle(a), angle(b)) &&
+         near(a.confidence.background.spread_rad, b.confidence.background.spread_rad);
 }
 
 RC_GTEST_PROP(RegistrationOptionsIo, EveryFieldComesBackFromAFile, ()) {
-  const RegistrationOptions options = any_options();
+  const RegistrationOptions options = test::any_options();
   const TemporaryFolder folder;
   const RegistrationOptions back = read_registration_options(
       spit(folder.path() / "options.yaml", registration_options_yaml(options)));
   RC_ASSERT(same(options, back));
 }
 
+/// Every field of any options is in the text: each of two different options has a text of its own.
+RC_GTEST_PROP(RegistrationOptionsIo, NoTwoOptionsHaveTheSameText, ()) {
+  RC_ASSERT(registration_options_yaml(test::any_options()) !=
+            registration_options_yaml(test::any_options()));
+}
+
 RC_GTEST_PROP(RegistrationOptionsIo, TheListHoldsEveryScalarOfTheText, ()) {
-  const RegistrationOptions options = any_options();
+  const RegistrationOptions options = test::any_options();
   const std::string yaml = registration_options_yaml(options);
   std::size_t scalars = 0;
   for (std::size_t at = yaml.find(": "); at != std::string::npos; at = yaml.find(": ", at + 1))
@@ -307,9 +81,10 @@ RC_GTEST_PROP(RegistrationOptionsIo, TheListHoldsEveryScalarOfTheText, ()) {
 
 TEST(RegistrationOptionsIo, TheListNamesWholePaths) {
   const auto list = registration_options_text(preset("patient"));
-  EXPECT_EQ(list.at("stages[0].starts.rotation_deg").substr(0, 2), "25");
-  EXPECT_EQ(list.at("stages[1].starts"), "none");
-  EXPECT_EQ(list.at("stages[2].optimizer.method"), "bobyqa");
+  EXPECT_EQ(list.at("search.starts.rotation_deg").substr(0, 2), "25");
+  EXPECT_EQ(list.at("search.levels[1].similarity.kind"), "joint_correlation_ratio");
+  EXPECT_EQ(list.at("refinement.optimizer.method"), "bobyqa");
+  EXPECT_EQ(registration_options_text(preset("thesis_b")).at("refinement"), "none");
   EXPECT_EQ(list.at("conditioning.depth.automatic"), "true");
 }
 
@@ -347,24 +122,61 @@ TEST(Presets, AFileChangesOnlyWhatItHolds) {
                    expected));
 }
 
-TEST(Presets, StagesAreChangedByNumberLeftOutOrReplaced) {
+/// One set of defaults.
+TEST(Presets, PatientIsWhatTheHeaderSays) {
+  EXPECT_EQ(registration_options_yaml(RegistrationOptions()),
+            registration_options_yaml(preset("patient")));
+}
+
+TEST(Presets, LevelsAreChangedByNumberLeftOutOrReplaced) {
   RegistrationOptions expected = preset("patient");
-  ASSERT_EQ(expected.stages.size(), 3U);
-  expected.stages[1].optimizer.initial_step = 1.5;
-  expected.stages[0].starts->rotation_rad = 10.0 * kDegree;
-  EXPECT_TRUE(same(parse("preset: patient\nstages:\n  1: {optimizer: {initial_step: 1.5}}\n"
-                         "  0: {starts: {rotation_deg: 10}}\n"),
+  ASSERT_EQ(expected.search.levels.size(), 2U);
+  expected.search.levels[1].optimizer.initial_step = 1.5;
+  expected.search.starts->rotation_rad = 10.0 * kDegree;
+  EXPECT_TRUE(same(parse("preset: patient\nsearch:\n  levels:\n    1: {optimizer: {initial_step: "
+                         "1.5}}\n  starts: {rotation_deg: 10}\n"),
                    expected));
   expected = preset("patient");
-  expected.stages.erase(expected.stages.begin() + 1);
-  expected.stages[0].starts.reset();
-  EXPECT_TRUE(same(parse("preset: patient\nstages: {1: none, 0: {starts: none}}\n"), expected));
+  expected.search.levels.erase(expected.search.levels.begin());
+  expected.search.starts.reset();
+  expected.refinement.reset();
+  EXPECT_TRUE(same(parse("preset: patient\nsearch: {levels: {0: none}, starts: none}\n"
+                         "refinement: none\n"),
+                   expected));
   expected = preset("fast");
-  expected.stages = {preset("patient").stages[1]};
+  expected.search.levels = {preset("patient").search.levels[1]};
   const std::string all = registration_options_yaml(expected);
-  const std::string stages =
-      all.substr(all.find("stages:"), all.find("rounds") - all.find("stages:"));
-  EXPECT_TRUE(same(parse("preset: fast\n" + stages), expected));
+  const std::string levels =
+      all.substr(all.find("  levels:"), all.find("  rounds") - all.find("  levels:"));
+  EXPECT_TRUE(same(parse("preset: fast\nsearch:\n" + levels), expected));
+}
+
+TEST(Presets, AnotherMetricNeedsAllOfItsKeys) {
+  RegistrationOptions expected = preset("patient");
+  NccOptions ncc;
+  ncc.patches = {1, 2, 3, 0.5, SampleSubset::kAll};
+  expected.search.levels[0].similarity = ncc;
+  const std::string patches =
+      "patches: {depth_mm: 1, lateral_mm: 2, elevation_mm: 3, least_share: 0.5";
+  const auto with = [](const std::string& similarity) {
+    return "preset: patient\nsearch: {levels: {0: {similarity: {" + similarity + "}}}}\n";
+  };
+  EXPECT_TRUE(same(parse(with("kind: ncc, " + patches + ", samples: all}")), expected));
+  expect_refused(with("kind: ncc"), {"'search.levels[0].similarity.patches' is missing"});
+  expect_refused(with("kind: ncc, " + patches + "}"),
+                 {"'search.levels[0].similarity.patches.samples' is missing"});
+}
+
+/// Even one that another metric has.
+TEST(Presets, AnOptionThatTheMetricDoesNotHaveIsRefused) {
+  expect_refused("preset: patient\nsearch: {levels: {0: {similarity: {power: 2}}}}\n",
+                 {"'search.levels[0].similarity.power' is unknown",
+                  "joint_correlation_ratio has no such option"});
+  expect_refused("preset: patient\nrefinement: {similarity: {bins: 12}}\n",
+                 {"'refinement.similarity.bins' is unknown", "local_lc2 has no such option"});
+  // The scalar reference is for tests.
+  expect_refused("preset: patient\nrefinement: {similarity: {scalar: true}}\n",
+                 {"'refinement.similarity.scalar' is unknown"});
 }
 
 TEST(RegistrationOptionsIo, AFileWithoutAPresetMustBeComplete) {
@@ -372,14 +184,18 @@ TEST(RegistrationOptionsIo, AFileWithoutAPresetMustBeComplete) {
   EXPECT_NO_THROW(parse(whole));
   const std::string hint = "only a file with 'preset: NAME' may leave keys out";
   expect_refused(replaced(whole, "  high_hu: 400\n", ""), {"'window.high_hu' is missing", hint});
-  expect_refused(replaced(whole, "      power: 1\n", ""), {"'stages[0].similarity.power'", hint});
-  expect_refused(replaced(whole, "  - spacing_mm: 2\n    similarity:", "  - similarity:"),
-                 {"'stages[1].spacing_mm' is missing", hint});
-  // A list of stages is of whole ones, whatever else the file derives from; so are starts where
-  // there were none.
-  expect_refused("preset: patient\nstages: [{spacing_mm: 2}]\n", {"'stages[0].similarity'"});
-  expect_refused("preset: patient\nstages: {1: {starts: {count: 8}}}\n",
-                 {"'stages[1].starts.region'"});
+  expect_refused(replaced(whole, "        gradient_bins: 8\n", ""),
+                 {"'search.levels[0].similarity.gradient_bins'", hint});
+  expect_refused(replaced(whole, "        kind: joint_correlation_ratio\n", ""),
+                 {"'search.levels[0].similarity.kind'", hint});
+  expect_refused(replaced(whole, "    - spacing_mm: 2\n      similarity:", "    - similarity:"),
+                 {"'search.levels[1].spacing_mm' is missing", hint});
+  // A list of levels is of whole ones, whatever else the file derives from; so are a refinement and
+  // starts where there were none.
+  expect_refused("preset: patient\nsearch: {levels: [{spacing_mm: 2}]}\n",
+                 {"'search.levels[0].similarity'"});
+  expect_refused("preset: thesis_b\nsearch: {starts: {count: 8}}\n", {"'search.starts.region'"});
+  expect_refused("preset: thesis_b\nrefinement: {spacing_mm: 1}\n", {"'refinement.similarity'"});
 }
 
 TEST(RegistrationOptionsIo, UnknownAndRepeatedKeysAreNamedWithTheirPath) {
@@ -387,59 +203,85 @@ TEST(RegistrationOptionsIo, UnknownAndRepeatedKeysAreNamedWithTheirPath) {
   expect_refused(derived("sed: 4\n"), {"'sed' is unknown"});
   expect_refused(derived("conditioning: {depth: {min: 4}}\n"),
                  {"'conditioning.depth.min' is unknown"});
-  expect_refused(derived("stages: {2: {optimizer: {seed: 4}}}\n"),
-                 {"'stages[2].optimizer.seed' is unknown"});
+  expect_refused(derived("refinement: {optimizer: {seed: 4}}\n"),
+                 {"'refinement.optimizer.seed' is unknown"});
   expect_refused(derived("seed: 4\nseed: 4\n"), {"'seed' is given twice"});
-  expect_refused(derived("stages: {1: {kept: 1, kept: 2}}\n"), {"'stages[1].kept' is given twice"});
-  expect_refused(derived("stages: {3: {kept: 1}}\n"), {"'stages'", "'3'", "within [0, 2]"});
-  expect_refused(derived("stages: {fine: {kept: 1}}\n"), {"'stages'", "fine"});
+  expect_refused(derived("search: {levels: {1: {kept: 1, kept: 2}}}\n"),
+                 {"'search.levels[1].kept' is given twice"});
+  expect_refused(derived("search: {levels: {2: {kept: 1}}}\n"),
+                 {"'search.levels'", "'2'", "within [0, 1]"});
+  expect_refused(derived("search: {levels: {fine: {kept: 1}}}\n"), {"'search.levels'", "fine"});
 }
 
 TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
-  const auto stage = [](const std::string& rest) {
-    return "preset: patient\nstages: {1: {" + rest + "}}\n";
+  const auto level = [](const std::string& rest) {
+    return "preset: patient\nsearch: {levels: {1: {" + rest + "}}}\n";
   };
-  expect_refused(stage("kept: two"), {"'stages[1].kept'", "two", "whole number"});
-  expect_refused(stage("kept: 1.5"), {"'stages[1].kept'", "1.5"});
-  expect_refused(stage("spacing_mm: [1]"), {"'stages[1].spacing_mm'", "single value"});
-  expect_refused(stage("spacing_mm: .nan"), {"'stages[1].spacing_mm'", ".nan"});
-  expect_refused(stage("similarity: local_lc2"), {"'stages[1].similarity'"});
-  expect_refused(stage("similarity: {kind: lc3}"),
-                 {"'stages[1].similarity.kind' is 'lc3'", "local_lc2", "mattes_mi"});
-  expect_refused(stage("similarity: {weighting: most}"),
-                 {"'stages[1].similarity.weighting' is 'most'", "deviation"});
-  expect_refused(stage("similarity: {scalar: 1}"), {"'stages[1].similarity.scalar'", "true"});
-  expect_refused(stage("optimizer: {method: newton}"),
-                 {"'stages[1].optimizer.method' is 'newton'", "bobyqa"});
+  expect_refused(level("kept: two"), {"'search.levels[1].kept'", "two", "whole number"});
+  expect_refused(level("kept: 1.5"), {"'search.levels[1].kept'", "1.5"});
+  expect_refused(level("spacing_mm: [1]"), {"'search.levels[1].spacing_mm'", "single value"});
+  expect_refused(level("spacing_mm: .nan"), {"'search.levels[1].spacing_mm'", ".nan"});
+  expect_refused(level("similarity: local_lc2"), {"'search.levels[1].similarity'"});
+  expect_refused(level("similarity: {kind: lc3}"),
+                 {"'search.levels[1].similarity.kind' is 'lc3'", "local_lc2", "mattes_mi"});
+  expect_refused("preset: patient\nrefinement: {similarity: {weighting: most}}\n",
+                 {"'refinement.similarity.weighting' is 'most'", "deviation"});
+  expect_refused("preset: patient\nrefinement: {similarity: {positive_gradient: 1}}\n",
+                 {"'refinement.similarity.positive_gradient'", "true"});
+  expect_refused("preset: patient\nbeams: bent\n", {"'beams' is 'bent'", "any, parallel"});
+  expect_refused(level("optimizer: {method: newton}"),
+                 {"'search.levels[1].optimizer.method' is 'newton'", "bobyqa"});
   for (const char* seed : {"-1", "4294967296", "0.5", "x"})
     expect_refused("preset: patient\nseed: " + std::string(seed) + "\n", {"'seed'", seed});
-  expect_refused("preset: patient\nstages: 3\n", {"'stages' must be a list"});
+  expect_refused("preset: patient\nsearch: {levels: 3}\n", {"'search.levels' must be a list"});
   expect_refused("- preset\n", {"key: value"});
   expect_refused("window: {\n", {"not valid YAML"});
 }
 
+/// The similarity of the thesis' preset, as the keys below `similarity:` two levels deep.
+std::string simulated_similarity() {
+  const std::string all = registration_options_yaml(preset("thesis_b"));
+  const std::size_t begin = all.find("        kind: simulated_lc2");
+  std::istringstream lines(all.substr(begin, all.find("      optimizer:") - begin));
+  std::string text;
+  for (std::string line; std::getline(lines, line);) text += line.substr(4) + "\n";
+  return text;
+}
+
 TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
-  const auto stage = [](const std::string& rest) {
-    return "preset: patient\nstages: {0: {" + rest + "}}\n";
+  const auto search = [](const std::string& rest) {
+    return "preset: patient\nsearch: {" + rest + "}\n";
   };
-  expect_refused(stage("optimizer: {initial_step: -3}"),
-                 {"'stages[0].optimizer.initial_step' is -3", "> 0"});
-  expect_refused(stage("optimizer: {initial_step: 0.1}"), {"'stages[0].optimizer.step_tolerance'"});
-  expect_refused(stage("similarity: {bins: 7}"), {"'stages[0].similarity.bins' is 7", "[8, 128]"});
-  expect_refused(stage("similarity: {patches: {samples: some}}"),
-                 {"'stages[0].similarity.patches.samples' is 'some'", "all, half"});
-  expect_refused(stage("similarity: {patches: {least_share: 0}}"),
-                 {"'stages[0].similarity.patches.least_share' is 0"});
-  expect_refused(stage("starts: {count: 0}"), {"'stages[0].starts.count' is 0", ">= 1"});
-  expect_refused(stage("starts: {rotation_deg: 104}"),
-                 {"'stages[0].starts.rotation_deg' is 104", "[0, 103.92]"});
-  expect_refused(stage("starts: {rotation_deg: -1}"), {"'stages[0].starts.rotation_deg' is -1"});
-  EXPECT_NO_THROW(parse(stage("starts: {rotation_deg: 180, region: ball}")));
+  const auto level = [&](const std::string& rest) { return search("levels: {0: {" + rest + "}}"); };
+  expect_refused(level("optimizer: {initial_step: -3}"),
+                 {"'search.levels[0].optimizer.initial_step' is -3", "> 0"});
+  expect_refused(level("optimizer: {initial_step: 0.1}"),
+                 {"'search.levels[0].optimizer.step_tolerance'"});
+  expect_refused(level("similarity: {bins: 7}"),
+                 {"'search.levels[0].similarity.bins' is 7", "[8, 128]"});
+  expect_refused(level("similarity: {patches: {samples: some}}"),
+                 {"'search.levels[0].similarity.patches.samples' is 'some'", "all, half"});
+  expect_refused(level("similarity: {patches: {least_share: 0}}"),
+                 {"'search.levels[0].similarity.patches.least_share' is 0"});
+  expect_refused(search("starts: {count: 0}"), {"'search.starts.count' is 0", ">= 1"});
+  expect_refused(search("starts: {rotation_deg: 104}"),
+                 {"'search.starts.rotation_deg' is 104", "[0, 103.92]"});
+  expect_refused(search("starts: {rotation_deg: -1}"), {"'search.starts.rotation_deg' is -1"});
+  EXPECT_NO_THROW(parse(search("starts: {rotation_deg: 180, region: ball}")));
+  expect_refused(search("rounds: {most: 7}"), {"'search.rounds.most' is 7", "[1, 6]"});
+  expect_refused("preset: patient\nconfidence: {gates: {min_overlap: 2}}\n",
+                 {"'confidence.gates.min_overlap' is 2"});
+  expect_refused("preset: thesis_b\nrefinement:\n  spacing_mm: none\n  similarity:\n" +
+                     simulated_similarity() +
+                     "  optimizer: {method: bobyqa, max_evaluations: 9, initial_step: 1, "
+                     "step_tolerance: 0.1, cost_tolerance: 0, population: 0}\n"
+                     "  reach_mm: 9\n  ct_margin_mm: 9\n  depth_error: 0.01\n  sweep_error: 0.01\n",
+                 {"'refinement.sweep_error' is 0.01", "simulated_lc2 cannot follow it"});
   expect_refused("preset: patient\nwindow: {low_hu: 401}\n", {"'window.low_hu' is 401"});
   expect_refused("preset: patient\nconditioning: {depth: {near_field_mm: -1}}\n",
                  {"'conditioning.depth.near_field_mm' is -1"});
-  expect_refused("preset: patient\nstages: []\n", {"stages"});
-  expect_refused("preset: patient\nstages: {0: none, 1: none, 2: none}\n", {"stages"});
+  expect_refused("preset: patient\nsearch: {levels: []}\n", {"levels"});
+  expect_refused("preset: patient\nsearch: {levels: {0: none, 1: none}}\n", {"levels"});
 }
 
 TEST(RegistrationOptionsIo, FilesThatCannotBeReadAreNamed) {
@@ -453,12 +295,18 @@ TEST(RegistrationOptionsIo, FilesThatCannotBeReadAreNamed) {
 TEST(RegistrationOptionsIo, EveryKeyIsDocumented) {
   const auto bytes = slurp(kSourceFolder / "docs" / "registration_options.md");
   const std::string docs(bytes.begin(), bytes.end());
-  for (const auto& [path, value] : registration_options_text(preset("patient"))) {
-    std::string key = path;
-    if (key.rfind("stages[", 0) == 0) key = key.substr(key.find('.') + 1);
-    // A similarity like those of the stages.
-    if (key.rfind("confidence.confirmation.", 0) == 0)
-      key = "similarity." + key.substr(std::string("confidence.confirmation.").size());
+  std::set<std::string> keys;
+  for (const std::string& name : preset_names())
+    for (const auto& [path, value] : registration_options_text(preset(name))) keys.insert(path);
+  for (const std::string& name : similarity_names()) {
+    RegistrationOptions options;
+    options.confidence.scatter.similarity = similarity_named(name, "test");
+    for (const auto& [path, value] : registration_options_text(options)) keys.insert(path);
+  }
+  for (std::string key : keys) {
+    key = std::regex_replace(key, std::regex(R"(^search\.levels\[\d+\]\.)"), "");
+    // Similarities and optimizers have the same keys wherever they stand.
+    key = std::regex_replace(key, std::regex(R"(^.*\b(similarity|optimizer)\.)"), "$1.");
     EXPECT_NE(docs.find("`" + key + "`"), std::string::npos) << key;
   }
 }

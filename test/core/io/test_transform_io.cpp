@@ -17,7 +17,7 @@ using test::spit;
 using test::TemporaryFolder;
 
 TEST(TransformIo, AFileWithoutParametersIsNotTheIdentity) {
-  // ITK itself reads it as such.
+  // ITK itself reads the file as the same transform.
   const TemporaryFolder folder;
   const std::string header =
       "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n";

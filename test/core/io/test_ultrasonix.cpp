@@ -114,7 +114,7 @@ TEST(Ultrasonix, TrackedFramesGetTheirPoses) {
 }
 
 TEST(Ultrasonix, ASamplingFrequencyThatCannotBeIsNotBelieved) {
-  // Some software leaves the field as it was in memory.
+  // Some software does not set the field.
   File file;
   file.sf = -858993460;
   expect_input_error([&] { to_prescan(read(file), probe(), SweepSelection{}, "frames.bpr"); },
@@ -160,7 +160,7 @@ TEST(Ultrasonix, RefusesSizesThatTheFileDoesNotBear) {
   file = {}, file.w = -3, refuse(file, {"w", "-3", ">= 1"});
   file = {}, file.h = 0, refuse(file, {"h", "0", ">= 1"});
   file = {}, file.ss = 16, refuse(file, {"ss", "16", "8"});
-  // Products that overflow 32 or 64 bits.
+  // These products overflow 32 or 64 bits.
   file = {}, file.w = kMax, file.h = kMax, refuse(file, {"too large"});
   file = {}, file.w = 65536, file.h = 65536, refuse(file, {"65536"});
   file = {}, file.w = kMax, file.h = kMax, file.frames = kMax, refuse(file, {"too large"});

@@ -15,7 +15,7 @@ constexpr int kWidth = 60;
 constexpr int kHeight = 40;
 constexpr double kPixelMm = 0.5;
 
-/// Translation of frame `f` along elevation, after a turn that no axis is left alone by.
+/// Pose of frame `f`: frames follow each other along elevation, and a rotation turns every axis.
 Eigen::Affine3d T_reference_probe(int f) {
   return Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, -1).normalized()) *
          Eigen::Translation3d(0.0, 0.0, 0.4 * f) * Eigen::Affine3d::Identity();
@@ -83,10 +83,8 @@ TEST_F(UltrasoundSourceTest, BModeImagesAreResampledAlongTheBeamsOfAProbe) {
   UltrasoundSource source = source_of(b_mode_sweep());
   source.probe = probe_yaml();
   expect_input_error([&] { read_ultrasound(source); }, {"sweep.igs.mha", "number of samples"});
-  ImagePlacement placement;
-  placement.origin_px = {30.0, 0.0};
-  placement.spacing_mm = {kPixelMm, kPixelMm};
-  source.placement = placement;
+  source.image_origin_px = Eigen::Vector2d(30.0, 0.0);
+  source.image_spacing_mm = Eigen::Vector2d(kPixelMm, kPixelMm);
   source.samples = 30;
   const UltrasoundInput input = read_ultrasound(source);
   const auto& volume = std::get<PreScanVolume>(input.data);
@@ -97,6 +95,18 @@ TEST_F(UltrasoundSourceTest, BModeImagesAreResampledAlongTheBeamsOfAProbe) {
   const Eigen::Vector3d p_us = us_from_scan(volume.geometry, {0, 0, 3});
   EXPECT_LT((p_us - T_reference_probe(3) * Eigen::Vector3d(-10, 1, 0)).norm(), 1e-4);
   EXPECT_EQ(std::get<TrackedSweep>(volume.geometry.motion).frame_times_s.size(), 8U);
+}
+
+TEST_F(UltrasoundSourceTest, AnOptionThatTheSequenceCannotUseIsRefused) {
+  UltrasoundSource images = source_of(b_mode_sweep());
+  images.samples = 30;  // without a probe
+  expect_input_error([&] { read_ultrasound(images); }, {"sweep.igs.mha", "a probe YAML is needed"});
+  IgsioSequence lines = b_mode_sweep();
+  lines.orientation = "FM";
+  UltrasoundSource beams = source_of(lines);
+  beams.probe = probe_yaml();
+  beams.samples = 30;
+  expect_input_error([&] { read_ultrasound(beams); }, {"'samples' is '30'", "not images"});
 }
 
 TEST_F(UltrasoundSourceTest, InvalidFramesAreAnErrorUnlessTheyAreToBeLeftOut) {

@@ -10,6 +10,7 @@
 #include "core/io/file_text.h"
 #include "core/io/itk_oracle.h"
 #include "core/io/temporary_folder.h"
+#include "core/io/volume_headers.h"
 #include "core/io/without_permission.h"
 #include "test_data.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
@@ -19,24 +20,15 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::expect_input_error;
+using test::expect_near_grid;
+using test::grid_of;
 using test::read_text;
 using test::TemporaryFolder;
 using test::write_text;
 
-/// What NIfTI's 32-bit numbers allow is looser.
+/// NIfTI holds positions as 32-bit numbers, which are less exact.
 double tolerance_mm(const std::string& extension) {
   return extension.substr(0, 4) == ".nii" ? 1e-3 : 1e-9;
-}
-
-void expect_near_grid(const Grid& grid, const Grid& expected, double tolerance) {
-  EXPECT_EQ(grid.size, expected.size);
-  // Compared where it matters: at the corners of the volume.
-  for (int corner = 0; corner < 8; ++corner) {
-    const Eigen::Vector3d index = Eigen::Vector3d(corner & 1, (corner >> 1) & 1, corner >> 2)
-                                      .cwiseProduct(expected.size.cast<double>());
-    EXPECT_LT((grid.physical_from_index(index) - expected.physical_from_index(index)).norm(),
-              tolerance);
-  }
 }
 
 test::ItkImage itk_image(const CtVolume& volume) {
@@ -50,15 +42,6 @@ test::ItkImage itk_image(const CtVolume& volume) {
   return image;
 }
 
-Grid grid_of(const test::ItkImage& image) {
-  Grid grid;
-  grid.size = Eigen::Map<const Eigen::Vector3i>(image.size.data());
-  grid.spacing_mm = Eigen::Map<const Eigen::Vector3d>(image.spacing.data());
-  grid.origin_mm = Eigen::Map<const Eigen::Vector3d>(image.origin.data());
-  grid.direction = Eigen::Map<const Eigen::Matrix3d>(image.direction.data());
-  return grid;
-}
-
 class VolumeFormats : public testing::TestWithParam<const char*> {
  protected:
   const std::string extension_ = GetParam();
@@ -66,7 +49,7 @@ class VolumeFormats : public testing::TestWithParam<const char*> {
   const fs::path path_ = folder_.path() / ("ct" + extension_);
 };
 
-/// Of these, the formats that ITK compresses.
+/// The formats that ITK compresses.
 class CompressedVolumeFormats : public VolumeFormats {};
 
 TEST_P(VolumeFormats, KeepPositionsAndValuesForAnyAxes) {
@@ -220,299 +203,6 @@ TEST(VolumeIo, UnknownExtensionIsRefused) {
   EXPECT_FALSE(has_volume_extension(path));
   EXPECT_TRUE(has_volume_extension("CT.NII.GZ"));
   EXPECT_FALSE(has_volume_extension(".nrrd"));
-}
-
-/// One header with one thing changed, and what the message must name.
-struct BadHeader {
-  std::string from, to;
-  std::vector<std::string> named;
-};
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
-
-void expect_refused(const fs::path& path, const std::string& header, const std::string& voxels,
-                    const std::vector<BadHeader>& cases) {
-  write_text(path, header + voxels);
-  read_volume<std::int16_t>(path);  // does not throw
-  for (const BadHeader& bad : cases) {
-    SCOPED_TRACE(bad.from + " -> " + bad.to);
-    write_text(path, replaced(header, bad.from, bad.to) + voxels);
-    std::vector<std::string> named = bad.named;
-    named.push_back(path.string());
-    expect_input_error([&] { read_volume<std::int16_t>(path); }, named);
-  }
-}
-
-const std::string kNrrd =
-    "NRRD0005\n# comment\ntype: short\ndimension: 3\nspace: right-anterior-superior\n"
-    "sizes: 2 1 3\nspace directions: (0,2,0) (0,0,3) (-1,0,0)\nkinds: domain domain domain\n"
-    "endian: big\nencoding: raw\nspace origin: (10,20,30)\nspace units: \"mm\" \"mm\" \"mm\"\n"
-    "key:=value: with colon\n\n";
-const std::string kBigEndianVoxels("\x00\x01\xFF\xFE\x00\x03\x00\x04\x00\x05\x01\x00", 12);
-const std::vector<std::int16_t> kVoxels{1, -2, 3, 4, 5, 256};
-
-TEST(Nrrd, RasAndBigEndianAsTheFormatDefinesThem) {
-  const TemporaryFolder folder;
-  const fs::path path = folder.path() / "a.nrrd";
-  write_text(path, kNrrd + kBigEndianVoxels);
-  const CtVolume volume = read_volume<std::int16_t>(path);
-  EXPECT_EQ(volume.voxels, kVoxels);
-  // Right becomes minus left, anterior minus posterior.
-  EXPECT_EQ(volume.grid.origin_mm, Eigen::Vector3d(-10, -20, 30));
-  EXPECT_EQ(volume.grid.spacing_mm, Eigen::Vector3d(2, 3, 1));
-  EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(-9, -22, 33));
-  EXPECT_EQ(test::read_by_itk(path).voxels, kVoxels);
-  expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
-}
-
-TEST(Nrrd, DetachedDataWithBytesBefore) {
-  const TemporaryFolder folder;
-  const fs::path header = folder.path() / "a.nhdr";
-  write_text(folder.path() / "a.bin", "123" + kBigEndianVoxels);
-  for (const char* skip : {"byte skip: 3\n", "byte skip: -1\n"}) {
-    write_text(header,
-               replaced(kNrrd, "encoding", std::string("data file: a.bin\n") + skip + "encoding"));
-    EXPECT_EQ(read_volume<std::int16_t>(header).voxels, kVoxels);
-  }
-  fs::remove(folder.path() / "a.bin");
-  expect_input_error([&] { read_volume<std::int16_t>(header); }, {"a.bin", "does not exist"});
-}
-
-TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
-  const TemporaryFolder folder;
-  expect_refused(
-      folder.path() / "a.nrrd", kNrrd, kBigEndianVoxels,
-      {{"NRRD0005", "NRRD0009", {"NRRD0009"}},
-       {"dimension: 3", "dimension: 4", {"'dimension'", "4", "3"}},
-       {"sizes: 2 1 3", "sizes: 2 1", {"'sizes'", "3 numbers"}},
-       {"sizes: 2 1 3", "sizes: 2 0 3", {"size", "2 0 3", ">= 1"}},
-       {"sizes: 2 1 3", "sizes: 2 1 4", {"'sizes'", "16 bytes", "12"}},
-       {"sizes: 2 1 3", "sizes: 2 1 2", {"'sizes'", "8 bytes", "12"}},
-       {"sizes: 2 1 3", "sizes: 2000000000 2000000000 2000000000", {"size"}},
-       {"sizes: 2 1 3", "sizes: 2 1 99999999999", {"'sizes'", "99999999999"}},
-       {"type: short", "type: block", {"'type'", "block"}},
-       {"encoding: raw", "encoding: bzip2", {"'encoding'", "bzip2"}},
-       {"encoding: raw", "encoding: gzip", {"damaged"}},
-       {"endian: big\n", "", {"'endian'", "missing"}},
-       {"space: right-anterior-superior\n", "", {"'space'", "missing"}},
-       {"right-anterior-superior", "scanner-xyz", {"'space'", "scanner-xyz"}},
-       {"space origin: (10,20,30)\n", "", {"'space origin'", "missing"}},
-       {"(10,20,30)", "(10,20)", {"'space origin'"}},
-       {"(10,20,30)", "(10,20,nan)", {"'space origin'", "nan"}},
-       {"space directions: (0,2,0) (0,0,3) (-1,0,0)\n", "", {"'space directions'", "missing"}},
-       {"(0,2,0)", "none", {"'space directions'", "none"}},
-       {"(0,2,0)", "(0,nan,0)", {"'space directions'", "nan"}},
-       {"(0,2,0)", "(0,0,0)", {"'space directions'", "> 0"}},
-       {"(0,2,0)", "(0,2,0.2)", {"'space directions'", "90", "sheared"}},
-       {"kinds: domain", "kinds: vector", {"'kinds'", "vector"}},
-       {"\"mm\" \"mm\"", "\"mm\" \"um\"", {"'space units'", "um"}},
-       {"endian: big", "endian: big\nendian: little", {"'endian'", "twice"}},
-       {"# comment", "no colon", {"no colon"}}});
-}
-
-const std::string kMeta =
-    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = True\n"
-    "CompressedData = False\nTransformMatrix = 0 1 0 0 0 1 1 0 0\nOffset = 10 20 30\n"
-    "ElementSpacing = 2 3 1\nDimSize = 2 1 3\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
-
-TEST(MetaImage, MatrixHoldsOneDirectionAfterTheOther) {
-  const TemporaryFolder folder;
-  const fs::path path = folder.path() / "a.mha";
-  write_text(path, kMeta + kBigEndianVoxels);
-  const CtVolume volume = read_volume<std::int16_t>(path);
-  EXPECT_EQ(volume.voxels, kVoxels);
-  EXPECT_EQ(volume.grid.physical_from_index({1, 0, 0}), Eigen::Vector3d(10, 22, 30));
-  EXPECT_EQ(volume.grid.physical_from_index({0, 1, 0}), Eigen::Vector3d(10, 20, 33));
-  EXPECT_EQ(volume.grid.physical_from_index({0, 0, 1}), Eigen::Vector3d(11, 20, 30));
-  expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
-}
-
-TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
-  const TemporaryFolder folder;
-  expect_refused(
-      folder.path() / "a.mha", kMeta, kBigEndianVoxels,
-      {{"ObjectType = Image", "ObjectType = Mesh", {"'ObjectType'", "Mesh"}},
-       {"NDims = 3", "NDims = 2", {"'NDims'", "2"}},
-       {"DimSize = 2 1 3", "DimSize = 2 1 -3", {"size", "-3", ">= 1"}},
-       {"DimSize = 2 1 3", "DimSize = 60000 60000 60000", {"'DimSize'", "must be the same"}},
-       {"ElementSpacing = 2 3 1\n", "", {"'ElementSpacing'", "missing"}},
-       {"ElementSpacing = 2 3 1", "ElementSpacing = 2 nan 1", {"'ElementSpacing'", "nan"}},
-       {"ElementSpacing = 2 3 1", "ElementSpacing = 2 -3 1", {"'ElementSpacing'", "> 0"}},
-       {"TransformMatrix = 0 1 0 0 0 1 1 0 0\n", "", {"'TransformMatrix'", "missing"}},
-       {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0.1 0", {"'TransformMatrix'"}},
-       {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0", {"'TransformMatrix'", "9 numbers"}},
-       {"Offset = 10 20 30\n", "", {"'Offset'", "missing"}},
-       {"MET_SHORT", "MET_LONG", {"'ElementType'", "MET_LONG"}},
-       {"BinaryDataByteOrderMSB = True\n", "", {"'BinaryDataByteOrderMSB'", "missing"}},
-       {"BinaryData = True", "BinaryData = False", {"'BinaryData'"}},
-       {"CompressedData = False", "CompressedData = True", {"damaged"}},
-       {"NDims = 3", "NDims = 3\nElementNumberOfChannels = 3", {"'ElementNumberOfChannels'"}},
-       {"ElementDataFile = LOCAL", "ElementDataFile = gone.raw", {"gone.raw", "does not exist"}},
-       {"ElementDataFile = LOCAL", "ElementDataFile = LIST", {"'ElementDataFile'", "LIST"}},
-       {"ElementDataFile = LOCAL\n", "", {"must be 'Field = value'"}}});
-}
-
-TEST(MetaImage, HeaderIsNotThereWithoutItsVoxels) {
-  const TemporaryFolder folder;
-  const fs::path header = folder.path() / "a.mhd";
-  fs::create_directory(folder.path() / "a.raw");  // in the way
-  expect_input_error([&] { write_volume(test::sampled(test::example_grids()[0].grid), header); },
-                     {"a.raw"});
-  EXPECT_FALSE(fs::exists(header));
-}
-
-/// A NIfTI header of 2 x 1 x 3 int16 voxels, by the offsets of nifti1.h.
-class NiftiFile {
- public:
-  NiftiFile() {
-    put(0, std::int32_t{348});
-    const std::int16_t dim[8] = {3, 2, 1, 3, 1, 1, 1, 1};
-    for (std::size_t i = 0; i < 8; ++i) put(40 + 2 * i, dim[i]);
-    put(70, std::int16_t{4});
-    put(72, std::int16_t{16});
-    const float pixdim[4] = {1, 2, 3, 1};
-    for (std::size_t i = 0; i < 4; ++i) put(76 + 4 * i, pixdim[i]);
-    put(108, 352.0F);
-    put(123, std::uint8_t{2});
-    put(254, std::int16_t{2});
-    const float srow[12] = {0, 0, -1, 10, 2, 0, 0, 20, 0, 3, 0, 30};
-    for (std::size_t i = 0; i < 12; ++i) put(280 + 4 * i, srow[i]);
-    bytes_.replace(344, 4, std::string("n+1\0", 4));
-  }
-
-  template <typename T>
-  NiftiFile& put(std::size_t offset, T value) {
-    char raw[sizeof(T)];
-    std::memcpy(raw, &value, sizeof(T));
-    if (big_endian_) std::reverse(raw, raw + sizeof(T));
-    bytes_.replace(offset, sizeof(T), raw, sizeof(T));
-    return *this;
-  }
-
-  std::string with_voxels() const {
-    std::string voxels(12, '\0');
-    std::memcpy(voxels.data(), kVoxels.data(), 12);
-    return bytes_ + voxels;
-  }
-  std::string bytes_ = std::string(352, '\0');
-  bool big_endian_ = false;
-};
-
-class Nifti : public testing::Test {
- protected:
-  CtVolume read(const NiftiFile& file) {
-    write_text(path_, file.with_voxels());
-    return read_volume<std::int16_t>(path_);
-  }
-  void expect_refused(const NiftiFile& file, std::vector<std::string> named) {
-    named.push_back(path_.string());
-    expect_input_error([&] { read(file); }, named);
-  }
-
-  const TemporaryFolder folder_;
-  const fs::path path_ = folder_.path() / "a.nii";
-};
-
-TEST_F(Nifti, SformInRasBecomesLps) {
-  const CtVolume volume = read(NiftiFile());
-  EXPECT_EQ(volume.voxels, kVoxels);
-  EXPECT_EQ(volume.grid.origin_mm, Eigen::Vector3d(-10, -20, 30));
-  EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(-9, -22, 33));
-  expect_near_grid(grid_of(test::read_by_itk(path_)), volume.grid, 1e-5);
-}
-
-/// The quaternion 1/2 (1, i, j, k) turns x to y, y to z, z to x.
-NiftiFile qform_file() {
-  NiftiFile file;
-  file.put(254, std::int16_t{0}).put(252, std::int16_t{1});
-  for (std::size_t i = 0; i < 3; ++i) file.put(256 + 4 * i, 0.5F);
-  file.put(268, 10.0F).put(272, 20.0F).put(276, 30.0F);
-  return file;
-}
-
-TEST_F(Nifti, QformWithEitherHandedness) {
-  EXPECT_LT((read(qform_file()).grid.physical_from_index({1, 1, 1}) - Eigen::Vector3d(-11, -22, 33))
-                .norm(),
-            1e-6);
-  const CtVolume flipped = read(qform_file().put(76, -1.0F));
-  EXPECT_LT((flipped.grid.physical_from_index({1, 1, 1}) - Eigen::Vector3d(-9, -22, 33)).norm(),
-            1e-6);
-  expect_near_grid(grid_of(test::read_by_itk(path_)), flipped.grid, 1e-5);
-}
-
-TEST_F(Nifti, FormsThatAgreeAreReadAndOthersRefused) {
-  NiftiFile both = qform_file().put(76, -1.0F).put(254, std::int16_t{1});
-  EXPECT_EQ(read(both).grid.origin_mm, Eigen::Vector3d(-10, -20, 30));
-  expect_refused(both.put(268, 11.0F), {"qform", "sform", "1 mm apart"});
-}
-
-TEST_F(Nifti, UnitsOfLength) {
-  EXPECT_LT((read(NiftiFile().put(123, std::uint8_t{3})).grid.origin_mm -
-             Eigen::Vector3d(-0.010, -0.020, 0.030))
-                .norm(),
-            1e-12);
-  read(NiftiFile().put(123, std::uint8_t{0}));
-  EXPECT_EQ(read_volume_info(path_).warnings.size(), 1U);
-  expect_refused(NiftiFile().put(123, std::uint8_t{5}), {"'xyzt_units'", "5"});
-}
-
-TEST_F(Nifti, ScaledValues) {
-  NiftiFile file = NiftiFile().put(112, 0.5F).put(116, -1024.0F);
-  write_text(path_, file.with_voxels());
-  EXPECT_EQ(read_volume<float>(path_).voxels,
-            (std::vector<float>{-1023.5F, -1025.0F, -1022.5F, -1022.0F, -1021.5F, -896.0F}));
-  EXPECT_EQ(read_volume<std::int16_t>(path_).voxels.back(), -896);
-  EXPECT_EQ(read_volume_info(path_).scale, 0.5);
-}
-
-TEST_F(Nifti, NamesWhatIsWrongInTheHeader) {
-  expect_refused(NiftiFile().put(0, std::int32_t{540}), {"NIfTI-2"});
-  expect_refused(NiftiFile().put(0, std::int32_t{17}), {"'sizeof_hdr'", "17"});
-  expect_refused(NiftiFile().put(344, std::int32_t{0}), {"'magic'"});
-  expect_refused(NiftiFile().put(344, std::uint8_t{'n'}).put(345, std::uint8_t{'i'}), {"pair"});
-  expect_refused(NiftiFile().put(40, std::int16_t{2}), {"'dim[0]'", "2"});
-  expect_refused(NiftiFile().put(40, std::int16_t{4}).put(48, std::int16_t{2}), {"'dim[4]'", "2"});
-  expect_refused(NiftiFile().put(42, std::int16_t{-2}), {"'dim'", "-2"});
-  expect_refused(NiftiFile().put(42, std::int16_t{30000}), {"'dim'", "must be the same"});
-  expect_refused(NiftiFile().put(70, std::int16_t{128}), {"'datatype'", "128"});
-  expect_refused(NiftiFile().put(108, 0.0F), {"'vox_offset'", ">= 352"});
-  expect_refused(NiftiFile().put(108, 1e30F), {"'vox_offset'", "<= 2^31"});
-  expect_refused(NiftiFile().put(108, NAN), {"'vox_offset'", "nan"});
-  expect_refused(NiftiFile().put(112, NAN), {"'scl_slope'", "nan"});
-  expect_refused(NiftiFile().put(254, std::int16_t{0}), {"'qform_code'", "both 0"});
-  expect_refused(NiftiFile().put(280, NAN), {"'srow'", "nan"});
-  expect_refused(NiftiFile().put(280, 0.3F), {"sheared"});
-  expect_refused(NiftiFile().put(288, 0.0F), {"spacing", "> 0"});
-  expect_refused(qform_file().put(80, 0.0F), {"'pixdim'", "> 0"});
-  expect_refused(qform_file().put(256, 1.0F), {"'quatern_b/c/d'"});
-  read(NiftiFile().put(40, std::int16_t{4}));  // a fourth axis of size 1 is fine
-}
-
-TEST_F(Nifti, BigEndianHeaderAndVoxels) {
-  NiftiFile file;
-  const std::string little = file.bytes_;
-  file.big_endian_ = true;
-  file.put(0, std::int32_t{348});
-  for (std::size_t i = 40; i < 76; i += 2) {
-    std::int16_t value;
-    std::memcpy(&value, &little[i], 2);
-    file.put(i, value);
-  }
-  for (std::size_t i :
-       {76, 80, 84, 88, 108, 280, 284, 288, 292, 296, 300, 304, 308, 312, 316, 320, 324}) {
-    float value;
-    std::memcpy(&value, &little[i], 4);
-    file.put(i, value);
-  }
-  file.put(254, std::int16_t{2});
-  write_text(path_, file.bytes_ + kBigEndianVoxels);
-  const CtVolume volume = read_volume<std::int16_t>(path_);
-  EXPECT_EQ(volume.voxels, kVoxels);
-  EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(-9, -22, 33));
 }
 
 TEST(VolumeConversion, NothingIsCutOffInSilence) {

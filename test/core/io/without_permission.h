@@ -7,12 +7,12 @@
 
 namespace usct::test {
 
-/// While it lives, nobody may read the file: not even root, who is an ordinary user for as long.
+/// Takes the permission to read a file for a scope. Root becomes an ordinary user meanwhile.
 class WithoutPermission {
  public:
   explicit WithoutPermission(std::filesystem::path file)
       : file_(std::move(file)), was_root_(::geteuid() == 0) {
-    // The folder stays open to all, so that it is the file that refuses.
+    // The folder stays readable, so that only the file refuses.
     using std::filesystem::perms;
     std::filesystem::permissions(
         file_.parent_path(),

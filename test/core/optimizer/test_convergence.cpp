@@ -201,7 +201,7 @@ TEST(CmaEs, OrderOfCostsIsAllThatCounts) {
 }
 
 TEST(Bobyqa, NeedsFewEvaluationsWhereTheCostIsSmooth) {
-  // What it is there for: a pose in the order of a hundred evaluations.
+  // The purpose of BOBYQA: a pose in about a hundred evaluations.
   const Eigen::VectorXd minimum = point_at(3.0, 6, 1);
   OptimizerOptions options = options_of(OptimizerMethod::kBobyqa);
   options.step_tolerance = 0.01;

@@ -9,8 +9,8 @@
 #include "core/io/expect_input_error.h"
 #include "core/optimizer/test_problems.h"
 
-/// What holds for every method, whatever the cost: budget, box, cancellation, costs that are none,
-/// the same bits.
+/// Properties of every method, whatever the cost: budget, box, cancellation, costs that are not
+/// finite, the same bits.
 namespace usct::test {
 namespace {
 

@@ -15,7 +15,7 @@ inline Eigen::Vector3d random_direction() {
   return (random_vector(1.0) + Eigen::Vector3d(1e-3, 0.0, 0.0)).normalized();
 }
 
-/// Not on a line, of unequal extent along the axes.
+/// Points that do not lie on a line, of unequal extent along the axes.
 inline std::vector<Eigen::Vector3d> random_points() {
   const Eigen::Vector3d centre = random_vector(150.0);
   const Eigen::Vector3d extent(uniform(5.0, 20.0), uniform(20.0, 50.0), uniform(10.0, 80.0));

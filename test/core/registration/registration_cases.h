@@ -5,6 +5,7 @@
 #include <variant>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/phantom/phantom.h"
@@ -12,8 +13,6 @@
 #include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 namespace usct::test {
-
-constexpr double kRadPerDeg = 0.017453292519943295;
 
 /// Images in a known relative pose.
 struct RegistrationCase {
@@ -27,7 +26,7 @@ struct RegistrationCase {
   }
 };
 
-/// A phantom of coarse images that show all of the kidney.
+/// A phantom with coarse images that show the whole kidney.
 inline phantom::PhantomOptions small_phantom(phantom::SceneKind scene, phantom::SweepKind sweep) {
   phantom::PhantomOptions options;
   options.scene = scene;
@@ -58,7 +57,7 @@ inline RegistrationCase make_case(const phantom::PhantomOptions& options) {
   return case_of(phantom, phantom.ultrasound);
 }
 
-/// A motorised sweep; made once.
+/// The case of a motorised sweep; made once.
 inline const phantom::PhantomCase& agar_phantom() {
   static const phantom::PhantomCase agar = phantom::make_phantom(
       small_phantom(phantom::SceneKind::kAgar, phantom::SweepKind::kMotorised));
@@ -68,7 +67,7 @@ inline const RegistrationCase& agar_case() {
   static const RegistrationCase agar = case_of(agar_phantom(), agar_phantom().ultrasound);
   return agar;
 }
-/// A tracked sweep; made once.
+/// The case of a tracked sweep; made once.
 inline const RegistrationCase& patient_case() {
   static const RegistrationCase patient = make_case(
       small_phantom(phantom::SceneKind::kPatient, phantom::SweepKind::kTrackedCurvilinear));
@@ -97,7 +96,7 @@ inline Eigen::Isometry3d beside_truth(const RegistrationCase& images,
                                       const Eigen::Vector3d& rotation_vector_deg,
                                       const Eigen::Vector3d& translation_mm) {
   const Eigen::Translation3d to_middle(middle_us_mm(images));
-  return to_middle * rigid(kRadPerDeg * rotation_vector_deg, translation_mm) * to_middle.inverse() *
+  return to_middle * rigid(kDegree * rotation_vector_deg, translation_mm) * to_middle.inverse() *
          images.T_us_ct_true;
 }
 
@@ -115,7 +114,7 @@ inline CtVolume moved(CtVolume ct, const Eigen::Isometry3d& motion) {
   return ct;
 }
 
-/// The same images in other frames.
+/// The case with both images moved to other frames.
 inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isometry3d& us_motion,
                               const Eigen::Isometry3d& ct_motion) {
   RegistrationCase result{moved(images.ct, ct_motion), moved(images.us, us_motion),
@@ -128,11 +127,11 @@ inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isome
 /// The preset for phantoms with one round of search; `changes` as in a file of options.
 inline RegistrationOptions quick_options(const std::string& changes = "") {
   RegistrationOptions options = parse_registration_options("preset: phantom\n" + changes, "test");
-  options.rounds = 1;
+  options.search.rounds.most = 1;
   return options;
 }
 
-/// Some millimetres and degrees beside the truth: 9.5 mm at the targets.
+/// A pose some millimetres and degrees beside the truth: 9.5 mm at the targets.
 inline Eigen::Isometry3d nearby(const RegistrationCase& images, double sign = 1.0) {
   return beside_truth(images, sign * Eigen::Vector3d(5, -4, 6), sign * Eigen::Vector3d(6, -5, 4));
 }

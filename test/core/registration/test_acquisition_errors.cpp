@@ -3,9 +3,8 @@
 #include "registration_cases.h"
 #include "us_ct_registration/registration/registration.h"
 
-/// Errors of the acquisition that the last stage estimates on request. What a phantom shows without
-/// any (its pulse is long) is in both of two estimates: their
-/// difference counts.
+/// Errors of the acquisition that the refinement estimates on request. The estimate of a phantom is
+/// biased by its long pulse; two estimates share this bias, so their difference is tested.
 namespace usct::test {
 namespace {
 
@@ -15,9 +14,9 @@ double sweep_error_if_recorded(double factor) {
     angle_rad *= factor;
   const RegistrationCase images = case_of(agar_phantom(), us);
   const RegistrationOptions options = quick_options(
-      "conditioning_spacing_mm: 1.1\nstages: {2: {spacing_mm: 1, sweep_error: 0.15}}\n");
+      "conditioning_spacing_mm: 1.1\nrefinement: {spacing_mm: 1, sweep_error: 0.15}\n");
   return register_ultrasound(images.us, images.ct, images.T_us_ct_true, options)
-      .measures.at("sweep_error");
+      .measures.sweep_error.value();
 }
 
 TEST(AcquisitionErrorsOfARegistration, SweepErrorUndoesWrongMotorAngles) {

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "core/registration/registration_cases.h"
-#include "registration/confidence.h"
+#include "registration/pose_accuracy.h"
 
 namespace usct::test {
 namespace {
@@ -33,19 +33,23 @@ TEST(Covariance, IsSymmetricAndPositiveDefinite) {
   }
 }
 
-/// At a given pose, whatever the search would find.
+registration::ImagePyramid prepared(const RegistrationCase& images, const Isometry3d& T_us_ct,
+                                    const RegistrationOptions& options) {
+  const RegistrationHooks hooks;
+  registration::Run run(hooks);
+  auto pyramid = registration::prepare(images.us, images.ct, T_us_ct, options, run);
+  if (!pyramid) throw std::logic_error(pyramid.refusal().message);
+  return *pyramid;
+}
+
+/// The accuracy at a given pose, without a search.
 PoseAccuracy at_pose(const RegistrationCase& images, const Isometry3d& T_us_ct,
                      const RegistrationOptions& options = quick_options()) {
-  const registration::PreparedUltrasound us = registration::prepare_ultrasound(images.us, options);
-  const registration::CtInReach reach =
-      registration::ct_in_reach(images.ct, us.us.beams, T_us_ct, options);
-  const registration::Level level =
-      registration::make_level(options.stages[1], us, reach,
-                               registration::ct_level(reach, options.stages[1]), true, options);
+  const registration::ImagePyramid pyramid = prepared(images, T_us_ct, options);
   const RegistrationHooks hooks;
-  const registration::Search search(us.points_us_mm, options, hooks);
-  const std::optional<PoseAccuracy> accuracy =
-      registration::pose_accuracy(*level.confirmation, {T_us_ct, {}}, options.confidence, search);
+  const registration::Run run(hooks);
+  const std::optional<PoseAccuracy> accuracy = registration::pose_accuracy(
+      *pyramid.scatter_similarity, {T_us_ct, {}}, options.confidence, pyramid.prepared.field, run);
   EXPECT_TRUE(accuracy);
   return accuracy.value_or(PoseAccuracy{});
 }
@@ -56,9 +60,9 @@ TEST(Covariance, WidensAsTheOptionsSay) {
     options.confidence.deviation_factor = factor;
     options.confidence.systematic_mm = systematic;
     const PoseAccuracy accuracy = at_pose(agar_case(), agar_case().T_us_ct_true, options);
-    const std::vector<Vector3d> points =
-        registration::prepare_ultrasound(agar_case().us, options).points_us_mm;
-    return registration::expected_error_mm(accuracy.covariance, points);
+    const registration::PreparedUltrasound us =
+        registration::prepare_ultrasound(agar_case().us, options);
+    return expected_tre_mm(accuracy.covariance, us.field.us_mm()).rms_mm;
   };
   const double scatter_mm = at_pose(agar_case(), agar_case().T_us_ct_true).scatter_mm;
   EXPECT_GT(scatter_mm, 0.0);
@@ -67,8 +71,8 @@ TEST(Covariance, WidensAsTheOptionsSay) {
   EXPECT_NEAR(expected_mm(1.0, 3.0), std::hypot(scatter_mm, 3.0), 1e-6);
 }
 
-/// What a motion of the US frame makes of small motions (w, t): with p' = R p + g,
-/// p' + R (w x p + t) = p' + (R w) x p' + R t + g x (R w).
+/// Effect of a motion of the US frame on small motions (w, t): with p' = R p + g, p' + R (w x p +
+/// t) = p' + (R w) x p' + R t + g x (R w).
 Matrix6d adjoint(const Isometry3d& motion) {
   const Vector3d g = motion.translation();
   Matrix3d cross;
@@ -87,17 +91,17 @@ std::pair<double, double> deviation_ratios(const Matrix6d& a, const Matrix6d& b)
   return {std::sqrt(eigen.eigenvalues().minCoeff()), std::sqrt(eigen.eigenvalues().maxCoeff())};
 }
 
-/// Of the patches alone: what is added for what no image shows is the same in all directions.
+/// Covariance of the patches alone: the systematic error is the same in all directions.
 TEST(Covariance, FollowsTheUltrasoundFrame) {
   RegistrationOptions options = quick_options();
   options.confidence.systematic_mm = 0.0;
   struct {
     Isometry3d motion;
-    double factor;  // in any direction
+    double factor;  // bound of the ratio in any direction
     double scatter_factor;
   } const examples[] = {
       {rigid(Vector3d::Zero(), {150, -60, 90}), 1.01, 1.01},
-      // The similarity, which is no quadratic, is then looked at in other directions.
+      // The similarity is no quadratic, and these motions sample it in other directions.
       {rigid({0.7, -0.4, 1.2}, {150, -60, 90}), 1.7, 1.25},
       {rigid({-1.9, 0.3, 0.5}, {-20, 40, 310}), 1.7, 1.25},
   };

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/registration/registration_cases.h"
-#include "registration/level.h"
+#include "registration/image_pyramid.h"
 
 namespace usct::test {
 namespace {
@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 using registration::ct_in_reach;
 
-/// A grid (no voxels: none are looked at) around the ultrasound, far larger than its reach.
+/// A grid around the ultrasound, far larger than its reach; it has no voxels, since none are read.
 CtVolume vast_ct(const RegistrationCase& images, int voxels) {
   CtVolume ct;
   ct.grid = images.ct.grid;
@@ -22,7 +22,7 @@ CtVolume vast_ct(const RegistrationCase& images, int voxels) {
 }
 
 TEST(CtInReach, DoesNotGrowWithTheCt) {
-  const RegistrationOptions options = quick_options();
+  const SearchOptions options = quick_options().search;
   const CtVolume small = vast_ct(agar_case(), 400);
   const CtVolume large = vast_ct(agar_case(), 1000);
   const BeamGrid& beams = agar_case().us.beams;
@@ -47,11 +47,11 @@ TEST(CtInReach, HoldsTheFieldOfViewAtAllStarts) {
   const PoseParameters pose(initial, points);
   for (const StartRegion region : {StartRegion::kBox, StartRegion::kBall})
     for (const double rotation_deg : {0.0, 25.0, 100.0}) {
-      RegistrationOptions options = quick_options();
-      StartOptions& starts = *options.stages.front().starts;
+      SearchOptions options = quick_options().search;
+      StartOptions& starts = *options.starts;
       starts.region = region;
       starts.count = 512;
-      starts.rotation_rad = rotation_deg * kRadPerDeg;
+      starts.rotation_rad = rotation_deg * kDegree;
       const Region reach = ct_in_reach(ct, beams, initial, options).region;
       std::size_t outside = 0;
       std::size_t all = 0;

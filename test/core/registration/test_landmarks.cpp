@@ -29,7 +29,7 @@ RC_GTEST_PROP(Landmarks, RecoverAKnownTransform, ()) {
   RC_ASSERT((back.T_target_source.matrix() - T_target_source.inverse().matrix()).norm() < 1e-8);
 }
 
-// Three are in a plane always: the third axis must come out right-handed.
+// Three points always lie in a plane, so the third axis must be chosen right-handed.
 RC_GTEST_PROP(Landmarks, ThreeAreEnough, ()) {
   const Isometry3d T_target_source = random_pose(400.0);
   const Vector3d p = random_vector(200.0);
@@ -40,7 +40,7 @@ RC_GTEST_PROP(Landmarks, ThreeAreEnough, ()) {
   RC_ASSERT((found.T_target_source.matrix() - T_target_source.matrix()).norm() < 1e-8);
 }
 
-// What makes it the least squares solution: no small motion away from it does better.
+// The result is the least-squares solution: no small motion away from it reduces the residual.
 RC_GTEST_PROP(Landmarks, LeaveTheLeastResidual, ()) {
   const Points source = random_points();
   Points target = moved(random_pose(400.0), source);

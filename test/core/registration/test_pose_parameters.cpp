@@ -53,7 +53,7 @@ RC_GTEST_PROP(PoseParameters, ReachEveryPose, ()) {
   RC_ASSERT(pose.T_us_ct(pose.parameters_of(T_us_ct)).isApprox(T_us_ct, 1e-9));
 }
 
-// The scale on which steps and tolerances of the optimizers rest.
+// The steps and tolerances of the optimizers rest on this scale.
 RC_GTEST_PROP(PoseParameters, OneUnitMovesThePointsByAMillimetre, ()) {
   const Isometry3d initial = random_pose(400.0);
   const std::vector<Vector3d> points_us = random_points();
@@ -97,7 +97,7 @@ RC_GTEST_PROP(PoseParameters, AMotionIsItsRotationVectorAndTranslation, ()) {
   RC_ASSERT((T_us_ct.linear() - expected).norm() < 1e-9);
 }
 
-// Moving probe and CT together must not change what an optimizer sees, but for the axes.
+// Moving probe and CT together must not change the optimizer's problem, except for its axes.
 RC_GTEST_PROP(PoseParameters, CommonMotionOfUltrasoundOnlyTurnsThem, ()) {
   const Isometry3d initial = random_pose(400.0);
   const Isometry3d common = random_pose(400.0);

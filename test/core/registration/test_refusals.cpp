@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <random>
 
 #include "core/io/expect_input_error.h"
 #include "core/registration/registration_cases.h"
-#include "registration/confidence.h"
 
 namespace usct::test {
 namespace {
@@ -40,7 +40,7 @@ TEST(Refusals, CtFarAway) {
 
 TEST(Refusals, CtThatBarelyTouches) {
   RegistrationOptions options = quick_options();
-  options.stages.front().starts->translation_mm = 1.0;
+  options.search.starts->translation_mm = 1.0;
   const Isometry3d initial = Eigen::Translation3d(0.0, 0.0, 125.0) * agar_case().T_us_ct_true;
   const RegistrationResult result = registered(agar_case(), initial, options);
   EXPECT_NE(result.status, RegistrationStatus::kRegistered) << result.message;
@@ -70,7 +70,7 @@ TEST(Refusals, Noise) {
   }
 }
 
-/// The image of each beam comes from another beam, or upside down.
+/// Takes the image of each beam from another beam, or upside down.
 template <typename SampleOf>
 RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sample_of) {
   RegistrationCase result = images;
@@ -87,7 +87,8 @@ RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sampl
   return result;
 }
 
-/// Kidneys are nearly symmetric, and so is a block of agar: of all wrong images the most alike.
+/// Kidneys are nearly symmetric, as is a block of agar: a mirror image is the most similar wrong
+/// one.
 TEST(Refusals, MirroredUltrasound) {
   for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
     const int lines = images->us.beams.lines, frames = images->us.beams.frames;
@@ -122,12 +123,15 @@ TEST(Refusals, InitialPoseThatIsNotFinite) {
 }
 
 TEST(Refusals, NoEvaluationAllowed) {
-  for (const std::string stage : {"0", "1", "2"}) {
+  const std::string none = "{optimizer: {max_evaluations: 0}}";
+  const std::map<std::string, std::string> examples = {
+      {"search.levels[0]", "search: {levels: {0: " + none + "}}\n"},
+      {"search.levels[1]", "search: {levels: {1: " + none + "}}\n"},
+      {"refinement", "refinement: " + none + "\n"}};
+  for (const auto& [climb, changes] : examples) {
     const RegistrationResult result =
-        registered(agar_case(), nearby(agar_case()),
-                   quick_options("stages: {" + stage + ": {optimizer: {max_evaluations: 0}}}\n"));
-    expect_refused(result, RegistrationStatus::kFailed,
-                   "stages[" + stage + "].optimizer.max_evaluations");
+        registered(agar_case(), nearby(agar_case()), quick_options(changes));
+    expect_refused(result, RegistrationStatus::kFailed, climb + ".optimizer.max_evaluations");
     EXPECT_TRUE(std::isnan(result.similarity));
     EXPECT_TRUE(result.candidates.empty());
   }
@@ -183,124 +187,31 @@ TEST(Refusals, InvalidOptions) {
     change(options);
     expect_input_error([&] { registered(agar_case(), nearby(agar_case()), options); }, named);
   };
-  expect_error([](RegistrationOptions& o) { o.stages.clear(); }, {"stages"});
-  expect_error([](RegistrationOptions& o) { o.rounds = 0; }, {"'rounds' is 0"});
+  expect_error([](RegistrationOptions& o) { o.search.levels.clear(); }, {"search", "levels"});
+  expect_error([](RegistrationOptions& o) { o.search.rounds.most = 0; },
+               {"search.rounds", "'most' is 0"});
+  expect_error([](RegistrationOptions& o) { o.search.rounds.near_share = 0.0; },
+               {"search.rounds", "'near_share' is 0"});
   expect_error([](RegistrationOptions& o) { o.outside_hu = 1e5; }, {"'outside_hu' is 100000"});
-  expect_error([](RegistrationOptions& o) { o.stages[1].spacing_mm = kNan; },
-               {"stages[1]", "'spacing_mm'"});
-  expect_error([](RegistrationOptions& o) { o.stages[1].starts.emplace(); },
-               {"stages[1]", "'starts'"});
-  expect_error([](RegistrationOptions& o) { o.stages[0].depth_error = 0.01; }, {"stages[0]"});
-  expect_error([](RegistrationOptions& o) { o.stages[2].optimizer.initial_step = 0.0; },
-               {"stages[2].optimizer", "'initial_step' is 0"});
-  expect_error([](RegistrationOptions& o) { o.stages[2].similarity.power = 0.0; },
-               {"stages[2].similarity", "'power' is 0"});
-  expect_error([](RegistrationOptions& o) { o.confidence.min_margin = 2.0; },
-               {"confidence", "'min_margin' is 2"});
-  expect_error([](RegistrationOptions& o) { o.confidence.background = 3; },
-               {"confidence", "'background' is 3"});
-}
-
-/// Registers with one gate that nothing passes.
-void expect_gate(const std::string& option, const std::string& impossible,
-                 const std::string& measure, const std::string& limit) {
-  const RegistrationResult result =
-      registered(agar_case(), nearby(agar_case()),
-                 quick_options("confidence: {" + option + ": " + impossible + "}\n"));
-  expect_refused(result, RegistrationStatus::kLowConfidence, measure + " is ");
-  ASSERT_EQ(result.measures.count(measure), 1U);
-  char value[32];
-  std::snprintf(value, sizeof(value), "%.3g", result.measures.at(measure));
-  expect_refused(result, RegistrationStatus::kLowConfidence,
-                 measure + " is " + value + ", must be " + limit);
-  ASSERT_FALSE(result.candidates.empty());
-  EXPECT_LT(agar_case().error_mm(result.candidates.front().T_us_ct), 1.0);
-}
-
-TEST(Gates, EachRefusesAndSaysWhy) {
-  expect_gate("min_significance", "1e6", "significance", ">= 1e+06");
-  expect_gate("max_disagreement_mm", "1e-6", "disagreement_mm", "<= 1e-06");
-  expect_gate("max_displacement_mm", "2.5", "displacement_mm", "<= 2.5");
-  expect_gate("max_scatter_mm", "0.01", "scatter_mm", "<= 0.01");
-}
-
-TEST(Gates, Overlap) {
-  const RegistrationResult result =
-      registered(agar_case(), nearby(agar_case()), quick_options("confidence: {min_overlap: 1}\n"));
-  ASSERT_LT(result.overlap, 1.0);
-  expect_refused(result, RegistrationStatus::kNoOverlap, "overlap is ");
-  expect_refused(result, RegistrationStatus::kNoOverlap, "must be >= 1");
-  EXPECT_FALSE(result.candidates.empty());
-}
-
-/// Finds many optima.
-RegistrationResult with_rivals(const std::string& confidence) {
-  RegistrationOptions options = quick_options("confidence: {" + confidence + "}\n");
-  options.stages[0].optimised = 12;
-  options.stages[0].kept = 12;
-  options.stages[1].optimised = 12;
-  return registered(agar_case(), nearby(agar_case()), options);
-}
-
-/// None of them may be near the best one's value.
-RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
-  return with_rivals("min_margin: 1, max_scatter_mm: " + max_scatter_mm);
-}
-
-TEST(Gates, MarginAgainstOptimaElsewhere) {
-  const RegistrationResult result = with_margin_of_one(".inf");
-  expect_refused(result, RegistrationStatus::kLowConfidence, "margin is ");
-  ASSERT_GE(result.candidates.size(), 2U);
-  for (std::size_t i = 1; i < result.candidates.size(); ++i)
-    EXPECT_LE(result.candidates[i].similarity, result.candidates[i - 1].similarity);
-}
-
-TEST(Gates, WhatScattersTooMuchIsNoRival) {
-  const double limit_mm = ConfidenceOptions().max_scatter_mm;
-  const RegistrationResult result = with_margin_of_one(std::to_string(limit_mm));
-  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-  EXPECT_LT(result.measures.at("scatter_mm"), limit_mm);
-  EXPECT_EQ(result.measures.at("margin"), 1.0);
-}
-
-/// The best optimum is the truth, which lies beyond the limit.
-TEST(Gates, WhatIsTooFarAndScattersGivesWayToTheNextBest) {
-  const RegistrationResult all = with_rivals("max_scatter_mm: 0.01");  // nothing holds together
-  ASSERT_GE(all.candidates.size(), 2U);
-  ASSERT_LT(agar_case().error_mm(all.candidates.front().T_us_ct), 1.0);
-  const RegistrationResult other = with_rivals("max_scatter_mm: 0.01, max_displacement_mm: 6");
-  EXPECT_EQ(other.status, RegistrationStatus::kLowConfidence);
-  EXPECT_TRUE(std::any_of(all.candidates.begin() + 1, all.candidates.end(),
-                          [&](const auto& next) { return next.similarity == other.similarity; }));
-  // What holds together stays, and is refused for its distance.
-  const RegistrationResult far = with_rivals("max_scatter_mm: 0.5, max_displacement_mm: 6");
-  expect_refused(far, RegistrationStatus::kLowConfidence, "displacement_mm is ");
-  EXPECT_EQ(far.similarity, all.similarity);
-}
-
-TEST(Gates, LimitsThemselvesPass) {
-  ConfidenceOptions options;
-  RegistrationResult result;
-  result.overlap = options.min_overlap;
-  result.measures = {{"significance", options.min_significance},
-                     {"margin", options.min_margin},
-                     {"disagreement_mm", options.max_disagreement_mm},
-                     {"displacement_mm", 1e9},
-                     {"scatter_mm", options.max_scatter_mm}};
-  const std::map<std::string, double> passing = result.measures;
-  registration::judge(options, result);
-  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-  for (const auto& [measure, value] : passing) {
-    result.measures = passing;
-    result.measures[measure] = kNan;
-    registration::judge(options, result);
-    EXPECT_EQ(result.status, RegistrationStatus::kLowConfidence) << measure;
-    EXPECT_FALSE(registration::passes(options, result.measures)) << measure;
-  }
-  result.measures = passing;
-  result.overlap = kNan;
-  registration::judge(options, result);
-  EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
+  expect_error([](RegistrationOptions& o) { o.search.levels[1].spacing_mm = kNan; },
+               {"search.levels[1]", "'spacing_mm'"});
+  expect_error([](RegistrationOptions& o) { o.refinement->optimizer.initial_step = 0.0; },
+               {"refinement.optimizer", "'initial_step' is 0"});
+  expect_error(
+      [](RegistrationOptions& o) {
+        std::get<LocalLc2Options>(o.refinement->similarity).power = 0.0;
+      },
+      {"refinement.similarity", "'power' is 0"});
+  expect_error(
+      [](RegistrationOptions& o) {
+        o.refinement->similarity = SimulatedLc2Options{};
+        o.refinement->sweep_error = 0.01;
+      },
+      {"refinement", "'sweep_error' is 0.01", "simulated_lc2 cannot follow it"});
+  expect_error([](RegistrationOptions& o) { o.confidence.gates.min_margin = 2.0; },
+               {"confidence.gates", "'min_margin' is 2"});
+  expect_error([](RegistrationOptions& o) { o.confidence.background.count = 3; },
+               {"confidence.background", "'count' is 3"});
 }
 
 }  // namespace

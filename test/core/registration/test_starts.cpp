@@ -15,7 +15,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-/// Turned and shifted, with points of unequal extent.
+/// Parameters about a turned and shifted pose, with points of unequal extent.
 PoseParameters example_pose() {
   Isometry3d initial(Eigen::AngleAxisd(1.1, Vector3d(1, 2, 3).normalized()));
   initial.pretranslate(Vector3d(30, -200, 90));
@@ -45,6 +45,7 @@ TEST(Starts, BeginWithTheInitialPose) {
   for (const StartRegion region : {StartRegion::kBox, StartRegion::kBall}) {
     StartOptions options;
     options.region = region;
+    options.count = 256;
     const std::vector<PoseVector> starts = spread_starts(example_pose(), options);
     EXPECT_EQ(starts.size(), 256U);
     EXPECT_EQ(starts.front(), PoseVector::Zero());
@@ -54,9 +55,10 @@ TEST(Starts, BeginWithTheInitialPose) {
 }
 
 TEST(Starts, FillTheBoxEvenly) {
-  const std::vector<Motion> all = motions(example_pose(), StartOptions());
+  const std::vector<Motion> all =
+      motions(example_pose(), {StartRegion::kBox, 256, 20.0 * kDegree, 20.0});
   for (int axis = 0; axis < 3; ++axis) {
-    // Eighths of the width, 32 starts each if all were even; at random they would vary by 5.
+    // Each eighth of the width would have 32 starts if all were even; at random these vary by 5.
     std::vector<int> by_rotation(8, 0);
     std::vector<int> by_translation(8, 0);
     for (const Motion& motion : all) {

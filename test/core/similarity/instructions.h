@@ -1,6 +1,6 @@
 #pragma once
 
-// As the kernels, which are not made for it.
+// The kernels leave out these instructions as well.
 #define HWY_DISABLED_TARGETS HWY_SSSE3
 #include <hwy/highway.h>
 
@@ -9,7 +9,7 @@
 
 namespace usct::test {
 
-/// Makes the kernels run with other instructions than the best, until it goes.
+/// Makes the kernels run with instructions other than the best as long as this object exists.
 class Instructions {
  public:
   explicit Instructions(std::int64_t target) { use(target); }

@@ -7,18 +7,19 @@
 
 #include "core/geometry/random_geometry.h"
 #include "core/simulation/simple_scenes.h"
-#include "us_ct_registration/similarity/patch_similarity.h"
+#include "similarity/backend.h"
+#include "us_ct_registration/similarity/catalogue.h"
 #include "us_ct_registration/volume/sampling.h"
 
-/// Scenes for the similarities of patches: CTs whose values are whole steps of a byte, so that
-/// packing them loses nothing, and beams 1 mm apart in every direction, so that patches of whole
-/// millimetres are known by hand.
+/// Scenes for the similarities of patches. The values of CTs are whole steps of a byte, so that
+/// packing them loses nothing; beams are 1 mm apart in every direction, so that the samples of
+/// patches of whole millimetres are known.
 namespace usct::test {
 
 constexpr HuWindow kWindow{-150.0, 360.0};  // 2 HU per step of a byte
 constexpr double kBackgroundHu = 40.0;
 
-/// 0, 1, ... 2^16 - 1, the same for the same i.
+/// One of 0, 1, ... 2^16 - 1, always the same for the same i.
 inline double hashed(std::size_t i) {
   auto x = static_cast<std::uint32_t>(i) * 2654435761U;
   x ^= x >> 15;
@@ -26,7 +27,7 @@ inline double hashed(std::size_t i) {
   return static_cast<double>(x >> 16);
 }
 
-/// Where a sample is in BeamUltrasound::brightness.
+/// Offset of a sample in BeamUltrasound::brightness.
 inline std::size_t offset_of(const BeamGrid& beams, int sample, int line, int frame) {
   return (static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
           static_cast<std::size_t>(line)) *
@@ -57,7 +58,7 @@ inline Grid oblique_grid(const Eigen::Vector3i& size, const Eigen::Vector3d& spa
   return grid;
 }
 
-/// Without relation to any CT.
+/// Noise that has no relation to any CT.
 inline BeamUltrasound noisy_ultrasound(const BeamGrid& beams) {
   BeamUltrasound us{beams, {}, {}};
   const std::size_t count = beams.beams.size() * static_cast<std::size_t>(beams.samples());
@@ -67,7 +68,7 @@ inline BeamUltrasound noisy_ultrasound(const BeamGrid& beams) {
   return us;
 }
 
-/// What a sample of the ultrasound sees of the CT, computed as the definitions say.
+/// The CT at a sample of the ultrasound, computed by the definitions.
 struct Seen {
   double u = 0.0;
   double ct_hu = kBackgroundHu;
@@ -111,8 +112,8 @@ inline Seen seen_at(const BeamUltrasound& us, int sample, int line, int frame,
   return seen;
 }
 
-/// Boxes of `edge` samples, lines and frames of beams 1 mm apart, those of which at least half is
-/// known.
+/// The samples of boxes of `edge` samples, lines and frames, with beams 1 mm apart, for boxes of
+/// which at least half is known.
 inline std::vector<std::vector<Seen>> seen_by_patches(const BeamUltrasound& us, int edge,
                                                       const Volume<float>& ct,
                                                       const Eigen::Isometry3d& T_ct_us,
@@ -145,15 +146,20 @@ inline std::vector<Seen> all_of(const std::vector<std::vector<Seen>>& patches) {
 
 inline PatchOptions cubes(double edge_mm) { return {edge_mm, edge_mm, edge_mm, 0.5}; }
 
-inline std::shared_ptr<const Similarity> similarity_of(const BeamUltrasound& us,
-                                                       const Volume<float>& ct,
-                                                       const SimilarityOptions& options) {
-  return make_patch_similarity(
-      std::make_shared<const UltrasoundPatches>(cut_into_patches(us, options.patches)),
-      std::make_shared<const PackedCt>(ct, kWindow, kBackgroundHu), options);
+inline std::shared_ptr<const Similarity> similarity_of(
+    const BeamUltrasound& us, const Volume<float>& ct, const SimilarityOptions& options,
+    const SimilarityBackend& backend = simd_backend()) {
+  SimilarityImages images(std::make_shared<const BeamUltrasound>(us),
+                          pack_ct(ct, kWindow, kBackgroundHu), nullptr, true, backend);
+  return make_similarity(images, options);
 }
 
-/// Turned and shifted; within +-`turn_rad` and +-`reach_mm`.
+inline SimilarityValue value_at(const Similarity& similarity, const Eigen::Isometry3d& T_ct_us,
+                                const AcquisitionErrors& errors = {}) {
+  return similarity.evaluate(SimilarityPose{T_ct_us, errors});
+}
+
+/// A random pose that is turned and shifted by at most +-`turn_rad` and +-`reach_mm`.
 inline Eigen::Isometry3d random_small_pose(double turn_rad, double reach_mm) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   const Eigen::Vector3d axis(uniform(-1, 1), uniform(-1, 1), uniform(0.1, 1));
@@ -163,16 +169,25 @@ inline Eigen::Isometry3d random_small_pose(double turn_rad, double reach_mm) {
   return T;
 }
 
-/// All that are made of patches.
-inline const std::vector<SimilarityKind>& all_kinds() {
-  static const std::vector<SimilarityKind> kinds = {SimilarityKind::kLocalLc2,
-                                                    SimilarityKind::kGlobalLc2,
-                                                    SimilarityKind::kNcc,
-                                                    SimilarityKind::kMattesMi,
-                                                    SimilarityKind::kNmi,
-                                                    SimilarityKind::kCorrelationRatio,
-                                                    SimilarityKind::kJointCorrelationRatio};
-  return kinds;
+/// The default options of all metrics of patches.
+inline std::vector<SimilarityOptions> all_metrics() {
+  std::vector<SimilarityOptions> metrics;
+  for (const std::string& name : similarity_names()) {
+    const SimilarityOptions options = similarity_named(name, "test");
+    if (needs_of(options).patches) metrics.push_back(options);
+  }
+  return metrics;
+}
+
+inline PatchOptions& patches_of(SimilarityOptions& options) {
+  PatchOptions* found = nullptr;
+  std::visit(
+      [&](auto& metric) {
+        if constexpr (!std::is_same_v<std::decay_t<decltype(metric)>, SimulatedLc2Options>)
+          found = &metric.patches;
+      },
+      options);
+  return *found;
 }
 
 }  // namespace usct::test

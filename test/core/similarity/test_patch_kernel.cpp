@@ -16,11 +16,11 @@ struct Scene {
   PackedCt ct;
   PatchKernelInput input(const Eigen::Isometry3d& T_ct_us, const AcquisitionErrors& errors,
                          GradientChannel channel) const {
-    return kernel_input(us, ct, T_ct_us, errors, channel);
+    return kernel_input(us, ct, {T_ct_us, errors}, channel);
   }
 };
 
-/// Patches of random size with holes, a CT that ends among them.
+/// A scene of patches of random size with holes, and a CT that ends among them.
 Scene random_scene() {
   BeamUltrasound us =
       noisy_ultrasound(downward_beams(integer(5, 40), integer(3, 20), integer(2, 9)));
@@ -128,7 +128,7 @@ RC_GTEST_PROP(PatchKernel, JointSumsAreTheReferenceWithAllInstructions, ()) {
   }
 }
 
-/// Sums of a few random samples.
+/// Fills a lane with the sums of a few random samples.
 void fill_lane(StrandSums& sums, std::size_t lane, double& count, double& uu) {
   const int samples = integer(0, 20);
   const bool constant = integer(0, 5) == 0;

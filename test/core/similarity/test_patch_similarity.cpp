@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <atomic>
 #include <functional>
 #include <numeric>
 #include <thread>
@@ -11,21 +12,61 @@
 namespace usct::test {
 namespace {
 
+/// Settings of all metrics together: `of` gives the options of one of them.
+struct Settings : LocalLc2Options, JointCorrelationRatioOptions {
+  PatchOptions patches;
+  int bins = 32;
+
+  SimilarityOptions of(const std::string& name) const {
+    SimilarityOptions options = similarity_named(name, "test");
+    std::visit([&](auto& metric) { set(metric); }, options);
+    patches_of(options) = patches;
+    return options;
+  }
+
+ private:
+  void set(LocalLc2Options& o) const { o = *this; }
+  void set(GlobalLc2Options& o) const { static_cast<Lc2Options&>(o) = *this; }
+  void set(NccOptions& /*has none*/) const {}
+  void set(MattesMiOptions& o) const { o.bins = bins; }
+  void set(NmiOptions& o) const { o.bins = bins; }
+  void set(CorrelationRatioOptions& o) const { o.bins = bins; }
+  void set(JointCorrelationRatioOptions& o) const {
+    o = *this;
+    o.bins = bins;
+  }
+  void set(SimulatedLc2Options& /*not of patches*/) const {}
+};
+
 struct Case {
   BeamUltrasound us;
   Volume<float> ct;
   Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
-  SimilarityOptions options;
-  SimilarityValue value() const { return similarity_of(us, ct, options)->evaluate(T_ct_us); }
+  std::string metric = "local_lc2";
+  Settings options;
+  bool scalar = false;
+
+  std::shared_ptr<const Similarity> similarity() const {
+    return similarity_of(us, ct, options.of(metric), scalar ? scalar_backend() : simd_backend());
+  }
+  SimilarityValue value() const { return value_at(*similarity(), T_ct_us); }
 };
 
-/// Ultrasound that the CT explains in part, cubes of 3 mm.
-Case make_case(SimilarityKind kind = SimilarityKind::kLocalLc2) {
+std::vector<std::string> all_names() {
+  std::vector<std::string> names;
+  for (const SimilarityOptions& options : all_metrics())
+    names.emplace_back(similarity_name(options));
+  return names;
+}
+
+/// Ultrasound that the CT explains in part, in patches of 3 mm.
+Case make_case(const std::string& metric = "local_lc2") {
   Case c;
   c.us = noisy_ultrasound(downward_beams(25, 14, 9));
   c.ct = wavy_ct(oblique_grid({34, 36, 30}, {0.9, 1.1, 1.3}));
-  c.options.kind = kind;
+  c.metric = metric;
   c.options.patches = cubes(3.0);
+  c.options.power = 2.0;
   std::size_t i = 0;
   for (int f = 0; f < 9; ++f)
     for (int l = 0; l < 14; ++l)
@@ -43,14 +84,14 @@ Case random_case() {
   if (maybe())
     for (std::size_t i = 0; i < c.us.brightness.size(); ++i) c.us.known.push_back(hashed(i) > 9e3);
   c.options.channel = maybe() ? GradientChannel::kMagnitude : GradientChannel::kAlongBeam;
-  c.options.patches = cubes(integer(2, 8));  // up to several strands per patch
+  c.options.patches = cubes(integer(2, 8));  // patches have up to several strands
   c.options.ridge_intensity_hu = maybe() ? 0.0 : uniform(1.0, 60.0);
   c.options.ridge_gradient_hu_per_mm = maybe() ? 0.0 : uniform(1.0, 60.0);
   c.options.positive_gradient = maybe();
   c.options.power = maybe() ? 1.0 : uniform(0.25, 4.0);
   c.options.weighting = static_cast<PatchWeighting>(integer(0, 3));
   c.options.pressed_mm = maybe() ? 0.0 : uniform(1.0, 200.0);
-  c.options.scalar = maybe();
+  c.scalar = maybe();
   c.options.bins = integer(8, 65);
   return c;
 }
@@ -73,8 +114,8 @@ double variance_u(const std::vector<Seen>& samples) {
   return sum / static_cast<double>(samples.size());
 }
 
-/// Dense least squares of u on m, g and 1, the ridge as rows of its own.
-double explained_by_least_squares(const std::vector<Seen>& samples, const SimilarityOptions& o) {
+/// Dense least squares of u on m, g and 1, with rows of its own for the ridge.
+double explained_by_least_squares(const std::vector<Seen>& samples, const Settings& o) {
   const auto n = static_cast<Eigen::Index>(samples.size());
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + 2, 3);
   Eigen::VectorXd u = Eigen::VectorXd::Zero(n + 2);
@@ -95,7 +136,7 @@ double explained_by_least_squares(const std::vector<Seen>& samples, const Simila
   return std::clamp(1.0 - residual / u.squaredNorm(), 0.0, 1.0);
 }
 
-double weight_of(const std::vector<Seen>& patch, const SimilarityOptions& o) {
+double weight_of(const std::vector<Seen>& patch, const Settings& o) {
   const auto n = static_cast<double>(patch.size());
   const double exponent = 0.5 * static_cast<double>(o.weighting);
   double depth = 0.0;
@@ -129,7 +170,7 @@ RC_GTEST_PROP(PatchSimilarity, LocalLc2IsDenseLeastSquaresPerPatch, ()) {
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.0);
   const SimilarityValue value = c.value();
-  // Without ridge, patches of which only a corner lies in the CT decide by rounding.
+  // Without a ridge, rounding decides about patches of which only a corner lies in the CT.
   const bool free =
       c.options.ridge_intensity_hu == 0.0 || c.options.ridge_gradient_hu_per_mm == 0.0;
   RC_ASSERT(std::abs(value.value - local_lc2_by_least_squares(c)) <
@@ -156,7 +197,7 @@ TEST(PatchSimilarity, LocalLc2IsDenseLeastSquaresToFiveDigits) {
 
 RC_GTEST_PROP(PatchSimilarity, GlobalLc2IsDenseLeastSquaresOverAllSamples, ()) {
   Case c = random_case();
-  c.options.kind = SimilarityKind::kGlobalLc2;
+  c.metric = "global_lc2";
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.05);
   RC_ASSERT(std::abs(c.value().value - explained_by_least_squares(samples, c.options)) < 5e-4);
@@ -164,7 +205,7 @@ RC_GTEST_PROP(PatchSimilarity, GlobalLc2IsDenseLeastSquaresOverAllSamples, ()) {
 
 RC_GTEST_PROP(PatchSimilarity, NccIsTheCorrelationOverAllSamples, ()) {
   Case c = random_case();
-  c.options.kind = SimilarityKind::kNcc;
+  c.metric = "ncc";
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.05);
   const double mean = mean_u(samples);
@@ -216,27 +257,27 @@ RC_GTEST_PROP(PatchSimilarity, MutualInformationIsThatOfTheHistogramByDefinition
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.05);
   const Eigen::MatrixXd p = joint_probabilities(samples, c.options.bins);
-  double information = 0.0;  // Kullback-Leibler
+  double information = 0.0;  // Kullback-Leibler divergence
   for (Eigen::Index u = 0; u < p.rows(); ++u)
     for (Eigen::Index m = 0; m < p.cols(); ++m)
       if (p(u, m) > 0.0)
         information += p(u, m) * std::log(p(u, m) / (p.row(u).sum() * p.col(m).sum()));
-  c.options.kind = SimilarityKind::kMattesMi;
+  c.metric = "mattes_mi";
   RC_ASSERT(std::abs(c.value().value - information) < kTolerance);
-  c.options.kind = SimilarityKind::kNmi;
+  c.metric = "nmi";
   const double normalised = (entropy(p.rowwise().sum()) + entropy(p.colwise().sum())) / entropy(p);
   RC_ASSERT(std::abs(c.value().value - normalised) < kTolerance);
 }
 
 /// The CT sampled at its voxels' centres: sample (s, l, f) sees exactly voxel (l, s, f).
-Case case_on_voxels(SimilarityKind kind) {
+Case case_on_voxels(const std::string& metric) {
   Case c;
   c.us = noisy_ultrasound(downward_beams(24, 16, 16));
   Grid grid;
   grid.size = {17, 25, 17};
   grid.origin_mm = c.us.beams.point(0, 0, 0);
   c.ct = Volume<float>(grid, 0.0F);
-  c.options.kind = kind;
+  c.metric = metric;
   c.options.patches = PatchOptions::whole();
   return c;
 }
@@ -265,11 +306,11 @@ TEST(PatchSimilarity, MutualInformationOfAKnownDistribution) {
       return std::pair(bright ? 200.0 : 10.0, high ? 300.0 : -50.0);
     });
   };
-  Case c = case_on_voxels(SimilarityKind::kMattesMi);
+  Case c = case_on_voxels("mattes_mi");
   fill(c);
   EXPECT_NEAR(c.value().value, half - conditional, 1e-6);
   EXPECT_EQ(c.value().overlap, 1.0);
-  c = case_on_voxels(SimilarityKind::kNmi);
+  c = case_on_voxels("nmi");
   c.options.bins =
       30;  // the spline about each level has the same weights: its entropy counts twice
   fill(c);
@@ -279,20 +320,19 @@ TEST(PatchSimilarity, MutualInformationOfAKnownDistribution) {
 }
 
 TEST(PatchSimilarity, WhatIsIndependentSharesNoInformation) {
-  for (const auto kind :
-       {SimilarityKind::kMattesMi, SimilarityKind::kNmi, SimilarityKind::kCorrelationRatio}) {
+  for (const std::string kind : {"mattes_mi", "nmi", "correlation_ratio"}) {
     Case c = case_on_voxels(kind);
     fill_on_voxels(c, [](std::size_t i) {  // all combinations of 6 and 16 levels equally often
       return std::pair(10.0 * static_cast<double>(i % 6),
                        30.0 * static_cast<double>(i / 6 % 16) - 150);
     });
-    const double none = kind == SimilarityKind::kNmi ? 1.0 : 0.0;
-    EXPECT_NEAR(c.value().value, none, 1e-6) << kind_name(kind);
+    const double none = kind == "nmi" ? 1.0 : 0.0;
+    EXPECT_NEAR(c.value().value, none, 1e-6) << kind;
   }
 }
 
 TEST(PatchSimilarity, CorrelationRatioIsOneWhereTheCtSaysAll) {
-  Case c = case_on_voxels(SimilarityKind::kCorrelationRatio);
+  Case c = case_on_voxels("correlation_ratio");
   c.options.bins = 16;  // levels at their centres: 34 HU apart
   fill_on_voxels(c, [](std::size_t i) {
     const double level = std::floor(hashed(i) / 4096.0);
@@ -302,9 +342,9 @@ TEST(PatchSimilarity, CorrelationRatioIsOneWhereTheCtSaysAll) {
 }
 
 TEST(PatchSimilarity, CorrelationRatioIsTheVarianceOfConditionalMeans) {
-  Case c = case_on_voxels(SimilarityKind::kCorrelationRatio);
+  Case c = case_on_voxels("correlation_ratio");
   c.options.bins = 16;
-  fill_on_voxels(c, [](std::size_t i) {  // mean +-10 by the CT, +-20 beside it
+  fill_on_voxels(c, [](std::size_t i) {  // +-10 explained by the CT, +-20 not explained
     return std::pair((i % 2 == 0 ? 10.0 : -10.0) + (i / 2 % 2 == 0 ? 20.0 : -20.0),
                      i % 2 == 0 ? 20.0 : 190.0);
   });
@@ -313,7 +353,7 @@ TEST(PatchSimilarity, CorrelationRatioIsTheVarianceOfConditionalMeans) {
 
 RC_GTEST_PROP(PatchSimilarity, JointCorrelationRatioIsThatOfItsKnotsByDefinition, ()) {
   Case c = random_case();
-  c.options.kind = SimilarityKind::kJointCorrelationRatio;
+  c.metric = "joint_correlation_ratio";
   c.options.channel = GradientChannel::kMagnitude;
   c.options.gradient_bins = integer(2, 33);
   c.options.gradient_scale_hu_per_mm = uniform(5.0, 100.0);
@@ -340,38 +380,38 @@ RC_GTEST_PROP(PatchSimilarity, JointCorrelationRatioIsThatOfItsKnotsByDefinition
 }
 
 TEST(PatchSimilarity, NoKindDependsOnGainAndOffset) {
-  for (const SimilarityKind kind : all_kinds()) {
+  for (const std::string& kind : all_names()) {
     const Case c = make_case(kind);
     const double before = c.value().value;
-    EXPECT_GT(before, 0.01) << kind_name(kind);
+    EXPECT_GT(before, 0.01) << kind;
     for (const float gain : {0.01F, 5.0F})
       for (const float offset : {-300.0F, 70.0F}) {
         Case changed = c;
         for (float& u : changed.us.brightness) u = gain * u + offset;
-        const bool binned = kind == SimilarityKind::kMattesMi || kind == SimilarityKind::kNmi;
+        const bool binned = kind == "mattes_mi" || kind == "nmi";
         EXPECT_NEAR(changed.value().value, before, binned ? 2e-3 : 2e-4)
-            << kind_name(kind) << ' ' << gain << ' ' << offset;
+            << kind << ' ' << gain << ' ' << offset;
       }
   }
 }
 
 TEST(PatchSimilarity, EveryKindIsHighestWhereTheUltrasoundBelongs) {
-  for (const SimilarityKind kind : all_kinds()) {
+  for (const std::string& kind : all_names()) {
     const Case c = make_case(kind);
-    const auto similarity = similarity_of(c.us, c.ct, c.options);
-    const double best = similarity->evaluate(c.T_ct_us).value;
+    const auto similarity = c.similarity();
+    const double best = value_at(*similarity, c.T_ct_us).value;
     for (int axis = 0; axis < 3; ++axis)
       for (const double step : {-2.0, 2.0}) {
         Eigen::Isometry3d moved = c.T_ct_us;
         moved.translation()[axis] += step;
-        EXPECT_LT(similarity->evaluate(moved).value, best) << kind_name(kind) << axis << step;
+        EXPECT_LT(value_at(*similarity, moved).value, best) << kind << axis << step;
       }
   }
 }
 
 TEST(PatchSimilarity, NoTwoKindsAreTheSame) {
   std::vector<double> values;
-  for (const SimilarityKind kind : all_kinds()) {
+  for (const std::string& kind : all_names()) {
     Case c = make_case(kind);
     c.options.power = 1.0;
     for (const double other : values) EXPECT_GT(std::abs(c.value().value - other), 1e-4);
@@ -381,14 +421,14 @@ TEST(PatchSimilarity, NoTwoKindsAreTheSame) {
 
 RC_GTEST_PROP(PatchSimilarity, PartsSumToTheValue, ()) {
   Case c = random_case();
-  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 7))];
+  c.metric = all_names()[static_cast<std::size_t>(integer(0, 7))];
   RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
-  const auto similarity = similarity_of(c.us, c.ct, c.options);
+  const auto similarity = c.similarity();
   const AcquisitionErrors errors{uniform(-0.02, 0.02), uniform(-0.02, 0.02)};
-  const std::vector<double> parts = similarity->parts(c.T_ct_us, errors);
-  RC_ASSERT((parts.size() > 1) == (c.options.kind == SimilarityKind::kLocalLc2));
+  const std::vector<double> parts = similarity->parts({c.T_ct_us, errors});
+  RC_ASSERT((parts.size() > 1) == (c.metric == "local_lc2"));
   RC_ASSERT(std::abs(std::accumulate(parts.begin(), parts.end(), 0.0) -
-                     similarity->evaluate(c.T_ct_us, errors).value) < 1e-12);
+                     value_at(*similarity, c.T_ct_us, errors).value) < 1e-12);
 }
 
 TEST(PatchSimilarity, OverlapIsExactForABox) {
@@ -399,33 +439,32 @@ TEST(PatchSimilarity, OverlapIsExactForABox) {
   grid.size = {9, 13, 5};
   grid.origin_mm = us.beams.point(0, 0, 0) + Eigen::Vector3d(2.5, 3.5, 4.5);
   const Volume<float> ct = wavy_ct(grid);
-  for (const SimilarityKind kind : all_kinds()) {
-    SimilarityOptions options;
-    options.kind = kind;
-    options.patches = cubes(4.0);
-    EXPECT_EQ(similarity_of(us, ct, options)->evaluate(Eigen::Isometry3d::Identity()).overlap,
+  for (const std::string& kind : all_names()) {
+    SimilarityOptions options = similarity_named(kind, "test");
+    patches_of(options) = cubes(4.0);
+    EXPECT_EQ(value_at(*similarity_of(us, ct, options), Eigen::Isometry3d::Identity()).overlap,
               8.0 * 12.0 * 4.0 / (24.0 * 16.0 * 16.0))
-        << kind_name(kind);
+        << kind;
   }
 }
 
 TEST(PatchSimilarity, OutsideTheCtThereIsNoValue) {
-  for (const SimilarityKind kind : all_kinds())
+  for (const std::string& kind : all_names())
     for (const bool scalar : {false, true}) {
       Case c = make_case(kind);
-      c.options.scalar = scalar;
+      c.scalar = scalar;
       c.T_ct_us.translation().x() = 500.0;
-      const auto similarity = similarity_of(c.us, c.ct, c.options);
-      const SimilarityValue value = similarity->evaluate(c.T_ct_us);
-      EXPECT_TRUE(std::isnan(value.value)) << kind_name(kind);
-      EXPECT_EQ(value.overlap, 0.0) << kind_name(kind);
-      for (const double part : similarity->parts(c.T_ct_us, {})) EXPECT_TRUE(std::isnan(part));
+      const auto similarity = c.similarity();
+      const SimilarityValue value = value_at(*similarity, c.T_ct_us);
+      EXPECT_TRUE(std::isnan(value.value)) << kind;
+      EXPECT_EQ(value.overlap, 0.0) << kind;
+      for (const double part : similarity->parts({c.T_ct_us, {}})) EXPECT_TRUE(std::isnan(part));
     }
 }
 
 RC_GTEST_PROP(PatchSimilarity, MovingCtAndPoseTogetherChangesNothing, ()) {
   Case c = random_case();
-  c.options.kind = all_kinds()[static_cast<std::size_t>(integer(0, 7))];
+  c.metric = all_names()[static_cast<std::size_t>(integer(0, 7))];
   c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = 20.0;
   RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
   const double before = c.value().value;
@@ -438,14 +477,13 @@ RC_GTEST_PROP(PatchSimilarity, MovingCtAndPoseTogetherChangesNothing, ()) {
 
 TEST(PatchSimilarity, AConstantCtExplainsNothing) {
   for (const double ridge : {0.0, 20.0})
-    for (const SimilarityKind kind : all_kinds()) {
+    for (const std::string& kind : all_names()) {
       Case c = make_case(kind);
       std::fill(c.ct.voxels.begin(), c.ct.voxels.end(), 123.0F);
       c.ct.grid.spacing_mm.setConstant(3.0);
       c.ct.grid.origin_mm *= 3.0;  // nothing lies outside
       c.options.ridge_intensity_hu = c.options.ridge_gradient_hu_per_mm = ridge;
-      EXPECT_NEAR(c.value().value, kind == SimilarityKind::kNmi ? 1.0 : 0.0, 1e-6)
-          << kind_name(kind);
+      EXPECT_NEAR(c.value().value, kind == "nmi" ? 1.0 : 0.0, 1e-6) << kind;
     }
 }
 
@@ -457,8 +495,7 @@ TEST(PatchSimilarity, ErrorsOfDepthStretchTheBeams) {
     stretched.us.beams.axial.start_depth_mm *= 1.0 + error;
     stretched.us.beams.axial.spacing_mm *= 1.0 + error;
     stretched.options.patches.depth_mm *= 1.0 + error;
-    const double value =
-        similarity_of(c.us, c.ct, c.options)->evaluate(c.T_ct_us, {error, 0.0}).value;
+    const double value = value_at(*c.similarity(), c.T_ct_us, {error, 0.0}).value;
     EXPECT_NEAR(value, stretched.value().value, 1e-5);
     EXPECT_GT(std::abs(value - c.value().value), 1e-3);
   }
@@ -470,23 +507,22 @@ TEST(PatchSimilarity, ErrorsOfTheSweepStretchIt) {
     Case stretched = c;
     for (Beam& beam : stretched.us.beams.beams) beam.origin_mm.z() *= 1.0 + error;
     stretched.options.patches.elevation_mm *= 1.0 + error;
-    const double value =
-        similarity_of(c.us, c.ct, c.options)->evaluate(c.T_ct_us, {0.0, error}).value;
+    const double value = value_at(*c.similarity(), c.T_ct_us, {0.0, error}).value;
     EXPECT_NEAR(value, stretched.value().value, 1e-5);
     EXPECT_GT(std::abs(value - c.value().value), 1e-3);
   }
 }
 
 TEST(PatchSimilarity, SameBitsFromSeveralThreads) {
-  for (const SimilarityKind kind : all_kinds()) {
+  for (const std::string& kind : all_names()) {
     const Case c = make_case(kind);
-    const auto similarity = similarity_of(c.us, c.ct, c.options);
-    const SimilarityValue expected = similarity->evaluate(c.T_ct_us);
+    const auto similarity = c.similarity();
+    const SimilarityValue expected = value_at(*similarity, c.T_ct_us);
     std::vector<SimilarityValue> values(6);
     std::vector<std::thread> threads;
     threads.reserve(values.size());
     for (SimilarityValue& value : values)
-      threads.emplace_back([&] { value = similarity->evaluate(c.T_ct_us); });
+      threads.emplace_back([&] { value = value_at(*similarity, c.T_ct_us); });
     for (std::thread& thread : threads) thread.join();
     for (const SimilarityValue& value : values) {
       EXPECT_EQ(value.value, expected.value);
@@ -495,28 +531,91 @@ TEST(PatchSimilarity, SameBitsFromSeveralThreads) {
   }
 }
 
-TEST(PatchSimilarity, NamesOfKindsAreRead) {
-  for (const SimilarityKind kind : all_kinds())
-    EXPECT_EQ(parse_kind(kind_name(kind), "test"), kind);
-  EXPECT_EQ(parse_kind("simulated_lc2", "test"), SimilarityKind::kSimulatedLc2);
-  EXPECT_THROW(parse_kind("mi", "test"), InputError);
+TEST(PatchSimilarity, ABatchGivesWhatItsPosesGive) {
+  for (const std::string& kind : all_names()) {
+    const Case c = make_case(kind);
+    const auto similarity = c.similarity();
+    std::vector<SimilarityPose> poses;
+    for (int i = 0; i < 40; ++i)
+      poses.push_back({c.T_ct_us * Eigen::Translation3d(0.1 * i, 0.0, 0.0), {0.001 * i, 0.0}});
+    const std::vector<SimilarityValue> values = similarity->evaluate(poses);
+    ASSERT_EQ(values.size(), poses.size());
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      const SimilarityValue alone = similarity->evaluate(poses[i]);
+      EXPECT_EQ(values[i].value, alone.value) << kind << i;
+      EXPECT_EQ(values[i].overlap, alone.overlap) << kind << i;
+    }
+    EXPECT_NE(values.front().value, values.back().value) << kind;
+    EXPECT_TRUE(similarity->evaluate(std::vector<SimilarityPose>{}).empty());
+  }
 }
 
-TEST(PatchSimilarity, RefusesOptionsThatAreWrongAndUltrasoundWithoutStructure) {
-  const auto refuse = [](const std::function<void(Case&)>& spoil) {
-    Case c = make_case();
-    spoil(c);
-    EXPECT_THROW(c.value(), InputError);
+TEST(PatchSimilarity, ABatchEndsWhereTheCheckThrows) {
+  struct Stop {};
+  const Case c = make_case();
+  const std::vector<SimilarityPose> poses(40, SimilarityPose{c.T_ct_us, {}});
+  std::atomic<int> asked{0};
+  const auto stop_at_the_fifth = [&] {
+    if (++asked == 5) throw Stop{};
   };
-  refuse([](Case& c) { c.options.ridge_intensity_hu = -1.0; });
-  refuse([](Case& c) { c.options.ridge_gradient_hu_per_mm = std::nan(""); });
-  refuse([](Case& c) { c.options.power = 0.1; });
-  refuse([](Case& c) { c.options.bins = 7; });
-  refuse([](Case& c) { c.options.bins = 129; });
-  refuse([](Case& c) { c.options.gradient_bins = 1; });
-  refuse([](Case& c) { c.options.gradient_scale_hu_per_mm = 0.0; });
-  refuse([](Case& c) { c.options.kind = SimilarityKind::kSimulatedLc2; });
-  refuse([](Case& c) { c.us.brightness.assign(c.us.brightness.size(), 1.0F); });
+  EXPECT_THROW(c.similarity()->evaluate(poses, stop_at_the_fifth), Stop);
+  EXPECT_LT(asked, 40);
+}
+
+TEST(Catalogue, NamesAreRead) {
+  EXPECT_EQ(similarity_names().size(), 8U);
+  for (const std::string& name : similarity_names())
+    EXPECT_EQ(similarity_name(similarity_named(name, "test")), name);
+  EXPECT_THROW(similarity_named("mi", "test"), InputError);
+}
+
+TEST(Catalogue, MetricsSayWhatTheyNeed) {
+  for (const std::string& name : similarity_names()) {
+    const SimilarityNeeds needs = needs_of(similarity_named(name, "test"));
+    EXPECT_NE(needs.patches, needs.recorded_ct) << name;
+    EXPECT_FALSE(needs.beams) << name;
+    EXPECT_TRUE(needs.follows_depth_error) << name;
+    EXPECT_EQ(needs.follows_sweep_error, name != "simulated_lc2");
+  }
+  LocalLc2Options along;
+  along.channel = GradientChannel::kAlongBeam;
+  EXPECT_TRUE(needs_of(along).beams);
+}
+
+TEST(Catalogue, ACtThatIsMissingIsAnErrorOfTheProgram) {
+  const Case c = make_case();
+  const auto us = std::make_shared<const BeamUltrasound>(c.us);
+  SimilarityImages images(us, nullptr, nullptr);
+  EXPECT_THROW(make_similarity(images, c.options.of("ncc")), std::logic_error);
+  EXPECT_THROW(make_similarity(images, SimulatedLc2Options{}), std::logic_error);
+}
+
+TEST(PatchSimilarity, RefusesOptionsThatAreWrong) {
+  const auto refuse = [](const std::string& metric, const std::function<void(Case&)>& spoil) {
+    Case c = make_case(metric);
+    spoil(c);
+    EXPECT_THROW(c.value(), InputError) << metric;
+  };
+  for (const char* metric : {"local_lc2", "global_lc2"}) {
+    refuse(metric, [](Case& c) { c.options.ridge_intensity_hu = -1.0; });
+    refuse(metric, [](Case& c) { c.options.ridge_gradient_hu_per_mm = std::nan(""); });
+  }
+  refuse("local_lc2", [](Case& c) { c.options.power = 0.1; });
+  for (const char* metric : {"mattes_mi", "nmi", "correlation_ratio", "joint_correlation_ratio"}) {
+    refuse(metric, [](Case& c) { c.options.bins = 7; });
+    refuse(metric, [](Case& c) { c.options.bins = 129; });
+  }
+  refuse("joint_correlation_ratio", [](Case& c) { c.options.gradient_bins = 1; });
+  refuse("joint_correlation_ratio", [](Case& c) { c.options.gradient_scale_hu_per_mm = 0.0; });
+  refuse("joint_correlation_ratio", [](Case& c) { c.options.prior_samples = -1.0; });
+}
+
+TEST(PatchSimilarity, UltrasoundWithoutStructureHasNoSimilarity) {
+  for (const std::string& kind : all_names()) {
+    Case c = make_case(kind);
+    c.us.brightness.assign(c.us.brightness.size(), 1.0F);
+    EXPECT_EQ(c.similarity(), nullptr) << kind;
+  }
 }
 
 }  // namespace

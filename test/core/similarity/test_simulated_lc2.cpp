@@ -68,7 +68,7 @@ BeamGrid fan(int samples, int lines, int frames) {
   return beam_grid(geometry);
 }
 
-/// Around the middle of the fan, oblique and anisotropic.
+/// A grid around the middle of the fan, oblique and anisotropic.
 Grid grid_in_view(const Eigen::Vector3i& size) {
   Grid grid;
   grid.size = size;
@@ -128,7 +128,7 @@ double error_of(const Case& c) {
   double error = 0.0;
   for (const std::int64_t target : Instructions::all()) {
     const Instructions instructions(target);
-    const SimilarityValue value = similarity_of(c)->evaluate(c.T_ct_us, c.errors);
+    const SimilarityValue value = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, c.errors});
     if (std::isnan(value.value) == expected.has_fit())
       return std::numeric_limits<double>::infinity();
     error = std::max(error, std::abs(value.overlap - expected.overlap));
@@ -139,12 +139,12 @@ double error_of(const Case& c) {
 
 RC_GTEST_PROP(SimulatedLc2, IsTheReferenceForAnyOptionsAndPose, ()) {
   const Case c = random_case();
-  // A sample that lies on a threshold or half-way between voxels may be rounded the other way.
+  // A sample on a threshold or half-way between voxels may be rounded to either side.
   const auto samples = static_cast<double>(c.ultrasound.brightness.size());
   RC_ASSERT(error_of(c) < 1e-5 + 2.0 / samples);
 }
 
-/// All of it in the CT but for a corner, with air, bone and gas.
+/// A case with air, bone and gas whose ultrasound lies in the CT except for a corner.
 Case make_fixed_case() {
   Case c;
   c.ultrasound.beams = fan(120, 37, 9);
@@ -215,11 +215,12 @@ TEST(SimulatedLc2, WhatIsNotKnownIsExcluded) {
   Case c = fixed_case();
   std::vector<std::uint8_t> excluded(c.ultrasound.brightness.size(), 0);
   for (std::size_t i = 0; i < excluded.size(); i += 3) excluded[i] = 1;
-  const double expected =
-      make_simulated_lc2(c.ultrasound, excluded, c.ct, {}, {})->evaluate(c.T_ct_us).value;
+  const double expected = make_simulated_lc2(c.ultrasound, excluded, c.ct, {}, {})
+                              ->evaluate(SimilarityPose{c.T_ct_us, {}})
+                              .value;
   for (const std::uint8_t e : excluded) c.ultrasound.known.push_back(e == 0 ? 255 : 0);
   for (std::size_t i = 0; i < excluded.size(); i += 3) c.ultrasound.brightness[i] = std::nanf("");
-  EXPECT_EQ(similarity_of(c)->evaluate(c.T_ct_us).value, expected);
+  EXPECT_EQ(similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value, expected);
 }
 
 TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
@@ -231,7 +232,7 @@ TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
     for (std::int16_t& hu : c.ct.voxels) hu = std::max<std::int16_t>(hu, 0);
     EXPECT_LT(error_of(c), kTolerance) << size.transpose();
   }
-  Case c = fixed_case();  // differences of neighbours that 16 bits do not hold
+  Case c = fixed_case();  // differences that exceed 16 bits
   for (std::size_t i = 0; i < c.ct.voxels.size(); ++i)
     c.ct.voxels[i] = static_cast<std::int16_t>((i * 40503) % 65536 - 32768);
   c.simulation.gradient_length_mm = 1e-3;
@@ -244,12 +245,12 @@ TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
 TEST(SimulatedLc2, SameBitsFromSeveralThreads) {
   const Case c = fixed_case();
   const auto similarity = similarity_of(c);
-  const SimilarityValue expected = similarity->evaluate(c.T_ct_us);
+  const SimilarityValue expected = similarity->evaluate(SimilarityPose{c.T_ct_us, {}});
   std::vector<SimilarityValue> values(8);
   std::vector<std::thread> threads;
   threads.reserve(values.size());
   for (SimilarityValue& value : values)
-    threads.emplace_back([&] { value = similarity->evaluate(c.T_ct_us); });
+    threads.emplace_back([&] { value = similarity->evaluate(SimilarityPose{c.T_ct_us, {}}); });
   for (std::thread& thread : threads) thread.join();
   for (const SimilarityValue& value : values) {
     EXPECT_EQ(value.value, expected.value);
@@ -259,11 +260,12 @@ TEST(SimulatedLc2, SameBitsFromSeveralThreads) {
 
 RC_GTEST_PROP(SimulatedLc2, DoesNotDependOnGainAndOffset, ()) {
   Case c = fixed_case();
-  const double before = similarity_of(c)->evaluate(c.T_ct_us).value;
+  const double before = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
   const auto gain = static_cast<float>(uniform(0.1, 10.0) * (integer(0, 2) == 0 ? -1.0 : 1.0));
   const auto offset = static_cast<float>(uniform(-300.0, 300.0));
   for (float& u : c.ultrasound.brightness) u = gain * u + offset;
-  RC_ASSERT(std::abs(similarity_of(c)->evaluate(c.T_ct_us).value - before) < 1e-6);
+  RC_ASSERT(std::abs(similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value - before) <
+            1e-6);
 }
 
 TEST(SimulatedLc2, IsHighestWhereTheUltrasoundWasSimulated) {
@@ -278,19 +280,19 @@ TEST(SimulatedLc2, IsHighestWhereTheUltrasoundWasSimulated) {
               ? 55.0F
               : 20.0F + 0.4F * there.mapped_ct[i] + 70.0F * there.reflection[i];
     const auto similarity = similarity_of(c);
-    const double best = similarity->evaluate(c.T_ct_us).value;
+    const double best = similarity->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
     EXPECT_GT(best, 0.99999);
     for (int axis = 0; axis < 3; ++axis)
       for (const double step : {-6.0, -2.0, -0.5, 0.5, 2.0, 6.0}) {
         Eigen::Isometry3d moved = c.T_ct_us;
         moved.translation()[axis] += step;
-        EXPECT_LT(similarity->evaluate(moved).value, best - 1e-3);
+        EXPECT_LT(similarity->evaluate(SimilarityPose{moved, {}}).value, best - 1e-3);
         const Eigen::Isometry3d turned =
             c.T_ct_us * Eigen::AngleAxisd(step * kDegree, Eigen::Vector3d::Unit(axis));
-        EXPECT_LT(similarity->evaluate(turned).value, best - 1e-3);
+        EXPECT_LT(similarity->evaluate(SimilarityPose{turned, {}}).value, best - 1e-3);
       }
     for (const double depth : {-0.05, -0.01, 0.01, 0.05})
-      EXPECT_LT(similarity->evaluate(c.T_ct_us, {depth, 0.0}).value, best - 1e-3);
+      EXPECT_LT(similarity->evaluate(SimilarityPose{c.T_ct_us, {depth, 0.0}}).value, best - 1e-3);
   }
 }
 
@@ -298,7 +300,7 @@ TEST(SimulatedLc2, SaysNothingWhereTheReferenceHasNoFit) {
   const auto expect_nothing = [](FitStatus status, const Case& c) {
     const SimulatedUltrasound expected = reference(c);
     EXPECT_EQ(expected.status, status);
-    const SimilarityValue value = similarity_of(c)->evaluate(c.T_ct_us);
+    const SimilarityValue value = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}});
     EXPECT_TRUE(std::isnan(value.value)) << to_string(status);
     EXPECT_NEAR(value.overlap, expected.overlap, 1e-12) << to_string(status);
   };
@@ -327,12 +329,12 @@ TEST(SimulatedLc2, SaysNothingWhereTheReferenceHasNoFit) {
 TEST(SimulatedLc2, RefusesWhatIsWrong) {
   const Case c = fixed_case();
   const auto similarity = similarity_of(c);
-  EXPECT_THROW(similarity->evaluate(c.T_ct_us, {0.0, 0.01}), InputError);
-  EXPECT_THROW(similarity->evaluate(c.T_ct_us, {-1.0, 0.0}), InputError);
-  EXPECT_THROW(similarity->evaluate(c.T_ct_us, {std::nan(""), 0.0}), InputError);
+  EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {0.0, 0.01}}), InputError);
+  EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {-1.0, 0.0}}), InputError);
+  EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {std::nan(""), 0.0}}), InputError);
   Eigen::Isometry3d sheared = c.T_ct_us;
   sheared.matrix()(0, 1) += 0.1;
-  EXPECT_THROW(similarity->evaluate(sheared), InputError);
+  EXPECT_THROW(similarity->evaluate(SimilarityPose{sheared, {}}), InputError);
   const auto expect_refused = [](const std::function<void(Case&)>& change) {
     Case bad = fixed_case();
     change(bad);

@@ -26,7 +26,7 @@ bool is_filled_up(const UltrasoundPatches& us, std::size_t place) {
   return us.x_mm[place] == UltrasoundPatches::kNowhere;
 }
 
-/// Sample, line and frame at each position.
+/// The sample, line and frame at each position.
 std::map<Position, Eigen::Vector3i> places_of(const BeamGrid& beams) {
   std::map<Position, Eigen::Vector3i> places;
   for (int f = 0; f < beams.frames; ++f)
@@ -128,7 +128,7 @@ RC_GTEST_PROP(UltrasoundPatches, LieInLanes, ()) {
   }
 }
 
-/// What kernels trust without looking.
+/// Properties of the layout that the kernels rely on without checks.
 RC_GTEST_PROP(UltrasoundPatches, BlocksTellWhichRowsAreFullAndWhereTheyLie, ()) {
   BeamUltrasound us =
       noisy_ultrasound(downward_beams(integer(4, 40), integer(2, 20), integer(2, 14)));
@@ -165,7 +165,7 @@ TEST(UltrasoundPatches, OfInfiniteSizeAreOne) {
 }
 
 TEST(UltrasoundPatches, EdgesAreMillimetresInTheMiddleOfTheDepths) {
-  // 0.5 mm along, 1 mm across lines, 2 mm across frames.
+  // Samples are 0.5 mm apart along a line, lines 1 mm and frames 2 mm.
   BeamGrid beams = downward_beams(24, 12, 6);
   beams.axial.spacing_mm = 0.5;
   for (Beam& beam : beams.beams) beam.origin_mm.z() *= 2.0;
@@ -196,7 +196,7 @@ TEST(UltrasoundPatches, LeastShareAndConstantUltrasoundDecideWhichCount) {
   EXPECT_TRUE(cut_into_patches(us, cubes(4.0)).patches.empty());
 }
 
-/// Samples, lines and frames of all that counts.
+/// Sample, line and frame of every sample that counts.
 std::set<std::array<int, 3>> counting(const BeamUltrasound& us, const PatchOptions& options) {
   const UltrasoundPatches patches = cut_into_patches(us, options);
   const auto places = places_of(us.beams);
@@ -237,7 +237,7 @@ TEST(UltrasoundPatches, LeastShareIsOfTheSamplesThatCount) {
   EXPECT_EQ(counting(us, options).size(), 96U);
 }
 
-/// Both probes swing; the tables are even.
+/// A sweep by a swinging array with evenly spaced tables of angles.
 ScanGeometry swinging(double scale, double depth_scale) {
   ScanGeometry geometry;
   geometry.axial = {30, 5.0 * depth_scale, 3.0 * depth_scale};
@@ -311,39 +311,40 @@ TEST(UltrasoundPatches, WithoutBeamsServeWhatNeedsNone) {
   const BeamUltrasound us = noisy_ultrasound(downward_beams(20, 9, 5));
   const auto ct = std::make_shared<const PackedCt>(
       wavy_ct(oblique_grid({30, 30, 30}, {1.0, 1.0, 1.0})), kWindow, kBackgroundHu);
-  SimilarityOptions options;
-  const auto made = [&](PatchContents contents) {
-    return make_patch_similarity(
-        std::make_shared<const UltrasoundPatches>(cut_into_patches(us, cubes(4.0), contents)), ct,
-        options);
+  LocalLc2Options options;
+  options.patches = cubes(4.0);
+  const auto made = [&](bool with_beams, const SimilarityBackend& backend) {
+    SimilarityImages images(std::make_shared<const BeamUltrasound>(us), ct, nullptr, with_beams,
+                            backend);
+    return make_similarity(images, options);
   };
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  const double value = made(PatchContents::kWithBeams)->evaluate(pose).value;
+  const double value = value_at(*made(true, simd_backend()), pose).value;
   EXPECT_GT(value, 0.0);
-  for (const bool scalar : {false, true}) {
-    options.scalar = scalar;
+  for (const SimilarityBackend* backend : {&simd_backend(), &scalar_backend()}) {
     options.channel = GradientChannel::kMagnitude;
-    const auto similarity = made(PatchContents::kPositions);
-    EXPECT_NEAR(similarity->evaluate(pose).value, value, 1e-6);
-    EXPECT_THROW(similarity->evaluate(pose, {0.01, 0.0}), InputError);
-    EXPECT_THROW(similarity->evaluate(pose, {0.0, 0.01}), InputError);
+    const auto similarity = made(false, *backend);
+    EXPECT_NEAR(value_at(*similarity, pose).value, value, 1e-6);
+    EXPECT_THROW(value_at(*similarity, pose, {0.01, 0.0}), InputError);
+    EXPECT_THROW(value_at(*similarity, pose, {0.0, 0.01}), InputError);
     options.channel = GradientChannel::kAlongBeam;
-    EXPECT_THROW(made(PatchContents::kPositions)->evaluate(pose), InputError);
+    EXPECT_THROW(value_at(*made(false, *backend), pose), InputError);
   }
 }
 
 TEST(UltrasoundPatches, AreJudgedWithTheSameBitsForAnyNumberOfThreads) {
-  SimilarityOptions options;
+  LocalLc2Options options;
   options.patches = cubes(3.0);
+  options.power = 2.0;
   const auto similarity =
       similarity_of(noisy_ultrasound(downward_beams(77, 64, 40)),
                     wavy_ct(oblique_grid({60, 60, 60}, {1.3, 1.3, 1.3})), options);
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   const int threads = omp_get_max_threads();
   omp_set_num_threads(1);
-  const SimilarityValue one = similarity->evaluate(pose);
+  const SimilarityValue one = value_at(*similarity, pose);
   omp_set_num_threads(3);
-  const SimilarityValue three = similarity->evaluate(pose);
+  const SimilarityValue three = value_at(*similarity, pose);
   omp_set_num_threads(threads);
   EXPECT_GT(one.overlap, 0.1);
   EXPECT_EQ(one.value, three.value);

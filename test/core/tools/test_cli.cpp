@@ -67,6 +67,7 @@ TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
     EXPECT_NE(help.find("mm"), std::string::npos) << command;
   }
   EXPECT_NE(run({"convert", "--help"}).find("US frame (x lateral"), std::string::npos);
+  EXPECT_NE(run({"convert", "--help"}).find("[needed: Propello volumes"), std::string::npos);
 }
 
 TEST_F(Cli, BadArgumentsEndWithStatusTwo) {
@@ -247,6 +248,8 @@ TEST_F(Cli, ARecordingAndItsProbeGiveTheAcquisitionBack) {
               1e-6);
   }
   expect_refused({"convert", path("us.bpr"), path("x.nrrd")}, "a probe YAML is needed");
+  expect_refused({"convert", path("us.nrrd"), path("x.nrrd"), "--sweep", "3"}, "'sweep' is '3'");
+  expect_refused({"convert", path("probe.yaml"), path("x.nrrd"), "--sweep", "3"}, "not ultrasound");
   EXPECT_FALSE(std::filesystem::exists(path("x.nrrd")));
 }
 

@@ -54,7 +54,7 @@ class Register : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments);
   }
-  /// Without initial pose and options.
+  /// Runs `usct register` without initial pose and options.
   Outcome run(const std::vector<std::string>& more) const {
     std::vector<std::string> arguments{
         "register",           "--ct",     case_file("ct.nrrd"), "--us",
@@ -64,8 +64,8 @@ class Register : public testing::Test {
   }
   std::string options() const {
     std::ofstream(path("options.yaml"))
-        << "preset: phantom\nstages: {0: {starts: {count: 64, rotation_deg: 10, "
-           "translation_mm: 10}}}\n";
+        << "preset: phantom\nsearch: {starts: {count: 64, rotation_deg: 10, "
+           "translation_mm: 10}}\n";
     return path("options.yaml");
   }
   double mean_error_mm(const Isometry3d& T_us_ct) const {
@@ -95,13 +95,32 @@ TEST_F(Register, FindsThePoseAndWritesResultTransformAndPictures) {
   ASSERT_TRUE(result.T_us_ct);
   EXPECT_LT(mean_error_mm(*result.T_us_ct), 2.0);
   EXPECT_TRUE(read_T_us_ct(path("found.tfm")).isApprox(*result.T_us_ct, 1e-9));
-  EXPECT_EQ(result.options.at("stages[0].starts.count"), "64");
+  EXPECT_EQ(result.options.at("search.starts.count"), "64");
   EXPECT_FALSE(result.version.empty());
   for (const char* picture : {"before_after.png", "fusion.png", "slices.png"})
     EXPECT_TRUE(std::filesystem::exists(path("pictures/" + std::string(picture)))) << picture;
   for (const char* line : {"status: registered", "similarity: ", "overlap", "expected error",
                            "evaluations: ", "seconds: ", "result.json", "found.tfm"})
     EXPECT_NE(outcome.output.find(line), std::string::npos) << line << "\n" << outcome.output;
+}
+
+TEST_F(Register, PrintsTheAcquisitionErrorsThatItEstimated) {
+  std::ofstream(path("errors.yaml"))
+      << "preset: phantom\nsearch: {starts: {count: 64, rotation_deg: 10, translation_mm: 10}}\n"
+         "refinement: {depth_error: 0.02}\n";
+  const Outcome outcome =
+      run({"--initial", path("initial.tfm"), "--options", path("errors.yaml"), "--quiet"});
+  EXPECT_NE(outcome.exit_status, 2) << outcome.errors;
+  const std::optional<double> error = read_result(path("result.json")).measures.depth_error;
+  ASSERT_TRUE(error);
+  char line[64];
+  std::snprintf(line, sizeof(line), "estimated depth error: %+.2f %%\n", 100.0 * *error);
+  EXPECT_NE(outcome.output.find(line), std::string::npos) << line << outcome.output;
+  EXPECT_EQ(outcome.output.find("sweep error"), std::string::npos) << outcome.output;
+}
+
+TEST_F(Register, TrueBeamsAreRefusedByThePresetOfVariantA) {
+  expect_refused({"--initial", path("initial.tfm"), "--preset", "thesis_a"}, "--parallel-beams");
 }
 
 TEST_F(Register, JsonOnStandardOutputIsTheResult) {
@@ -148,12 +167,15 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
   expect_refused({"--landmarks", path("ct.csv"), path("us.csv")}, "--landmarks");
 }
 
-/// With nothing left to search, what is found is the initial pose itself.
+/// With nothing left to search, the found pose is the initial pose itself.
 TEST_F(Register, WithoutAnInitialPoseTheMiddlesMeetInTheGivenDirection) {
-  StageOptions stage = preset("fast").stages.back();
-  stage.optimizer.max_evaluations = 1;
   RegistrationOptions only_start = preset("fast");
-  only_start.stages = {stage};
+  LevelOptions level = only_start.search.levels.back();
+  level.optimizer.max_evaluations = 1;
+  only_start.search.levels = {level};
+  only_start.search.starts.reset();
+  only_start.search.rounds.most = 1;
+  only_start.refinement.reset();
   std::ofstream(path("start.yaml")) << registration_options_yaml(only_start);
   const auto pose = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"--options", path("start.yaml")};
@@ -185,13 +207,13 @@ TEST_F(Register, WithoutAnInitialPoseItSaysWhatToGive) {
 }
 
 TEST_F(Register, AllOrientationsNeedStarts) {
-  std::ofstream(path("no_starts.yaml")) << "preset: fast\nstages: {0: {starts: none}}\n";
+  std::ofstream(path("no_starts.yaml")) << "preset: fast\nsearch: {starts: none}\n";
   expect_refused({"--options", path("no_starts.yaml"), "--all-orientations"}, "--all-orientations");
-  std::ofstream(path("few.yaml")) << "preset: fast\nstages: {0: {starts: {count: 32}}}\n";
+  std::ofstream(path("few.yaml")) << "preset: fast\nsearch: {starts: {count: 32}}\n";
   EXPECT_NE(run({"--options", path("few.yaml"), "--all-orientations"}).exit_status, 2);
   const RegistrationResult result = read_result(path("result.json"));
-  EXPECT_EQ(result.options.at("stages[0].starts.region"), "ball");
-  EXPECT_EQ(result.options.at("stages[0].starts.rotation_deg"), "180");
+  EXPECT_EQ(result.options.at("search.starts.region"), "ball");
+  EXPECT_EQ(result.options.at("search.starts.rotation_deg"), "180");
 }
 
 TEST_F(Register, ARefusalEndsWithStatusThreeAndLeavesAnExistingTransform) {
@@ -216,7 +238,7 @@ TEST_F(Register, ARefusalEndsWithStatusThreeAndLeavesAnExistingTransform) {
 }
 
 TEST_F(Register, VariantARegistersScanConvertedUltrasound) {
-  // So small a phantom need not pass the gates; where it is found counts here.
+  // So small a phantom need not pass the gates; this test is about the pose that is found.
   registered({"--parallel-beams", "1.2"});
   const RegistrationResult result = read_result(path("result.json"));
   ASSERT_FALSE(result.candidates.empty()) << result.message;
@@ -228,9 +250,10 @@ TEST_F(Register, BadInputIsNamedAndNothingIsWritten) {
   expect_refused({"--initial", path("absent.tfm")}, "absent.tfm");
   expect_refused({"--initial", initial, "--preset", "fats"}, "'fats', must be one of fast, global");
   expect_refused({"--initial", initial, "--options", path("absent.yaml")}, "absent.yaml");
-  std::ofstream(path("bad.yaml")) << "preset: fast\nstages: {1: {optimizer: {step: 3}}}\n";
+  std::ofstream(path("bad.yaml"))
+      << "preset: fast\nsearch: {levels: {1: {optimizer: {step: 3}}}}\n";
   expect_refused({"--initial", initial, "--options", path("bad.yaml")},
-                 "bad.yaml: key 'stages[1].optimizer.step' is unknown");
+                 "bad.yaml: key 'search.levels[1].optimizer.step' is unknown");
   expect_refused({"--initial", initial, "--options", path("bad.yaml"), "--preset", "fast"},
                  "excludes");
   expect_refused({"--initial", initial, "--transform", path("found.png")}, "--transform");

@@ -47,7 +47,7 @@ class Study : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run_usct(arguments);
   }
-  /// The JSON of the last study, without what differs from run to run.
+  /// The JSON of the last study, without the entries that differ from run to run.
   static nlohmann::json runs() {
     auto json = nlohmann::json::parse(read_text(path("study.json")));
     for (auto& run : json["runs"]) run.erase("seconds");

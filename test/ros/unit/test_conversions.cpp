@@ -5,7 +5,10 @@
 #include <cmath>
 #include <limits>
 
-#include "ros/conversions.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/registration_result.h"
+#include "ros/conversions/ultrasound.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
 
@@ -149,7 +149,7 @@ TEST_F(FixedFrameTest, JumpsOnEitherSideAreRefused) {
     }
 }
 
-/// What tf did not know yet when the pose was looked up.
+/// A jump that tf reports only after the pose was looked up.
 TEST_F(FixedFrameTest, JumpThatTfTellsLaterIsRefusedThen) {
   options_.jump_window_s = 0.2;
   know(99.0, pose(0.0));

@@ -4,7 +4,9 @@
 
 #include <boost/make_shared.hpp>
 
-#include "ros/conversions.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
 #include "ros/held_volumes.h"
 
 namespace usct::ros_interface {
@@ -190,7 +192,7 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   know(98.0, 0.0);
   know(99.0, 0.0);
-  // What was found out at its time stays.
+  // A verdict that was reached in time is kept.
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)));
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);

@@ -4,9 +4,9 @@
 #include <fstream>
 
 #include "core/io/temporary_folder.h"
-#include "ros/conversions.h"
-#include "ros/ultrasound_file.h"
-#include "ros/watched_folder.h"
+#include "ros/conversions/ultrasound.h"
+#include "ros/ingest/ultrasound_file.h"
+#include "ros/ingest/watched_folder.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 

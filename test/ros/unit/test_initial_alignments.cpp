@@ -4,7 +4,7 @@
 
 #include <boost/make_shared.hpp>
 
-#include "ros/conversions.h"
+#include "ros/conversions/poses.h"
 #include "ros/initial_alignments.h"
 #include "ros/refusal.h"
 

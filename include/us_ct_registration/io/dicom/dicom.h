@@ -16,11 +16,11 @@
 /// geometry and the values of technical fields only.
 ///
 /// Files without DICOM content are passed over and counted. A file that claims to be DICOM (by its
-/// content, or by the extension .dcm or .ima) and cannot be read is an error, never passed over: it
-/// might be a slice.
+/// content, or by the extension .dcm or .ima) and cannot be read is an error, because it might be a
+/// slice.
 namespace usct {
 
-/// What the headers of one series say; see find_dicom_series.
+/// A summary of the headers of one series; see find_dicom_series.
 struct DicomSeries {
   /// Empty if the files do not state it (some anonymisers erase it).
   std::string series_uid;
@@ -29,7 +29,8 @@ struct DicomSeries {
   std::string frame_of_reference_uid;
   std::string transfer_syntax_uid;
   std::optional<int> series_number;
-  /// Whether read_dicom_ct takes it: images of modality CT. What follows is only known then.
+  /// Whether the series holds CT images, which read_dicom_ct reads. The fields below are known only
+  /// for these.
   bool is_ct = false;
   int files = 0;
   /// Images, or frames of multi-frame images, without localizers.
@@ -38,10 +39,10 @@ struct DicomSeries {
   int rows = 0;
   /// Columns: the unit directions of increasing column and row index, LPS.
   Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Zero();
-  /// Between columns, between rows, and between slices by their positions (the median where that
-  /// is uneven; 0 for a single slice).
+  /// Distance between columns, between rows, and between slices by their positions (the median if
+  /// they are uneven; 0 for a single slice).
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Zero();
-  /// Why read_dicom_ct would refuse it, or what it would have to resample.
+  /// Why read_dicom_ct would refuse the series, or what it would have to resample.
   std::vector<std::string> problems;
   /// The first of its files by name.
   std::filesystem::path first_file;
@@ -51,8 +52,8 @@ struct DicomReadOptions {
   /// The series to read; required where there are several of CT. Empty: the only one.
   std::string series_uid;
 
-  /// Only images of this AcquisitionNumber, for series that hold several scans of the same place
-  /// (phases of contrast).
+  /// Only images with this AcquisitionNumber are read, for series with several scans of the same
+  /// region (phases of contrast).
   std::optional<int> acquisition_number;
 
   /// What to do with slices that are not on a regular grid: gantry tilt, uneven spacing, missing
@@ -62,7 +63,7 @@ struct DicomReadOptions {
   /// where none is.
   bool resample_irregular = false;
 
-  /// How far a slice may lie from its place on the regular grid, as a fraction of the slice
+  /// Greatest distance of a slice from its place on the regular grid, as a fraction of the slice
   /// spacing. Must be > 0 and <= 0.5.
   double position_tolerance = 0.05;
 
@@ -78,7 +79,7 @@ struct LoadedCt {
   /// Empty for image files, or where the files do not state it.
   std::string series_uid;
   std::string frame_of_reference_uid;
-  /// What was passed over, resampled or unusual.
+  /// Warnings about anything that was skipped, resampled or unusual.
   std::vector<std::string> warnings;
 };
 
@@ -107,5 +108,12 @@ LoadedCt read_dicom_ct(const std::filesystem::path& path, const DicomReadOptions
 /// or an image file (see volume_io.h; `options` does not matter then). Throws InputError.
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                  const Progress& progress = {});
+
+/// Whether the path is a folder, or a file that begins as DICOM files do (a preamble of 128 bytes,
+/// then "DICM"). False for anything else, also for what cannot be opened.
+bool is_dicom(const std::filesystem::path& path);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_dicom(const std::filesystem::path& path);
 
 }  // namespace usct

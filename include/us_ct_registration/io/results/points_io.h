@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 /// Points as CSV: the header line `x,y,z`, then one point per line, in millimetres.
@@ -15,5 +16,8 @@ std::vector<Eigen::Vector3d> read_points_mm(const std::filesystem::path& path);
 /// finite.
 void write_points_mm(const std::vector<Eigen::Vector3d>& points_mm,
                      const std::filesystem::path& path);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_points(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -25,4 +25,7 @@ std::string result_json(const RegistrationResult& result, const std::string& sou
 /// refuse, or if the folder cannot be written to.
 void write_result(const RegistrationResult& result, const std::filesystem::path& path);
 
+/// For the table of formats: see FileFormat::describe.
+std::string describe_result(const std::filesystem::path& path);
+
 }  // namespace usct

@@ -2,10 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <string>
 
 /// ITK transform files, as 3D Slicer, elastix and ANTs read and write them: `.tfm` and `.txt`
-/// (text),
-/// `.h5` and `.hdf5`.
+/// (text), `.h5` and `.hdf5` (HDF5).
 ///
 /// Fixed = ultrasound, moving = CT: the *file* maps points of the US frame to CT points (T_ct_us),
 /// in millimetres, LPS. Callers always get and give its inverse, T_us_ct.
@@ -28,5 +28,8 @@ Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path);
 /// Throws InputError if the extension is unknown, the folder cannot be written to, or T_us_ct is
 /// not rigid.
 void write_T_us_ct(const Eigen::Isometry3d& T_us_ct, const std::filesystem::path& path);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_transform(const std::filesystem::path& path);
 
 }  // namespace usct

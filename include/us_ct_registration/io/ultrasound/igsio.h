@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "us_ct_registration/io/ultrasound/probe_config.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
 /// Tracked sequences as the Plus toolkit (IGSIO) records them: `.igs.mha`, or `.igs.mhd` with a
@@ -19,7 +20,7 @@ namespace usct {
 /// A rigid or affine map between two coordinate frames at one moment, with its status flag.
 struct IgsioTransform {
   Eigen::Affine3d T = Eigen::Affine3d::Identity();
-  /// As in the file: "OK", "INVALID", ...; empty if the file has none. Only "OK" is valid.
+  /// Status as in the file: "OK", "INVALID", ...; empty if the file has none. Only "OK" is valid.
   std::string status;
 
   bool valid() const { return status == "OK"; }
@@ -44,8 +45,8 @@ struct IgsioSequence {
   int width = 0;   // fastest axis
   int height = 0;  // rows
   IgsioElement element = IgsioElement::kUint8;
-  /// What the image axes are, one letter each: M marked side of the probe, U unmarked side, F far
-  /// (away from the probe), N near, A ascending, D descending in elevation. "MF" or "MFA" is an
+  /// Orientation of the image axes, one letter each: M marked side of the probe, U unmarked side, F
+  /// far (away from the probe), N near, A ascending, D descending in elevation. "MF" or "MFA" is an
   /// upright B-mode image, "FM" one whose lines are contiguous; "" if the file has none.
   std::string orientation;
   /// "BRIGHTNESS", "RF_REAL", "RF_IQ_LINE" or "RF_I_LINE_Q_LINE"; "" if the file has none.
@@ -111,5 +112,15 @@ OrientedImage oriented_frame(const IgsioSequence& sequence, int frame,
 /// InputError as `oriented_frame` and `tracked_geometry`, or if the lines are not contiguous.
 PreScanVolume to_prescan(const IgsioSequence& sequence, const ProbeConfig& probe,
                          const TrackedSweep& sweep, const std::string& source);
+
+/// For the table of formats: see UltrasoundFormat and FileFormat::describe.
+///
+/// Frames before scan conversion need a probe and become a PreScanVolume. B-mode images become
+/// TrackedImages; or a PreScanVolume, resampled along the beams, if the probe, its place in the
+/// image and the number of samples are given (all of them or none). Writing throws InputError for a
+/// motorised sweep.
+UltrasoundInput read_igsio_ultrasound(const UltrasoundSource& source);
+void write_igsio_beams(const PreScanVolume& volume, const std::filesystem::path& path);
+std::string describe_igsio(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
@@ -41,5 +42,8 @@ PreScanVolume read_prescan_nrrd(const std::filesystem::path& path);
 /// Writes atomically, gzip, data attached. Throws InputError if the volume is invalid or the folder
 /// cannot be written to.
 void write_prescan_nrrd(const PreScanVolume& volume, const std::filesystem::path& path);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_prescan_nrrd(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -7,7 +7,7 @@
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 
-/// What the headers of ultrasound scanners lack: the geometry of the probe, from a YAML file
+/// The geometry of a probe, which the headers of ultrasound scanners lack, from a YAML file
 /// (config/probes/ holds some; each key is explained there). Files are in millimetres and degrees.
 ///
 /// | key | kind | meaning |
@@ -43,8 +43,8 @@ struct ProbeMotor {
   double frame_travel_rad = 0.0;
 };
 
-/// Where the samples lie along a line. At most one of spacing, depth and frequency is set; with
-/// none the data file has to say the frequency (an Ultrasonix file does).
+/// Positions of the samples along a line. At most one of spacing, depth and frequency is set; if
+/// none is, the data file must give the frequency (an Ultrasonix file does).
 struct ProbeSampling {
   double start_depth_mm = 0.0;
   std::optional<double> sample_spacing_mm;
@@ -72,7 +72,7 @@ ProbeConfig read_probe_config(const std::filesystem::path& path);
 /// as a pitch.
 void write_probe_config(const ProbeConfig& probe, const std::filesystem::path& path);
 
-/// What a data file says of its frames, next to the probe's configuration.
+/// The part of the geometry that a data file states itself, beside the probe's configuration.
 struct RecordedFrames {
   int samples = 0;
   int lines = 0;
@@ -98,5 +98,8 @@ ScanGeometry motorised_geometry(const ProbeConfig& probe, const RecordedFrames& 
 /// is motorised, or the numbers of lines or frames differ, or the sampling is not known.
 ScanGeometry tracked_geometry(const ProbeConfig& probe, const RecordedFrames& recorded,
                               const TrackedSweep& sweep, const std::string& source);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_probe_config(const std::filesystem::path& path);
 
 }  // namespace usct

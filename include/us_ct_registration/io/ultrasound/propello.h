@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "us_ct_registration/io/ultrasound/probe_config.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
 /// Volumes that Ultrasonix' Propello saves: `.vol`.
@@ -54,5 +55,11 @@ void write_propello(const PropelloVolumes& volumes, const std::filesystem::path&
 /// is not 0 or the volume does not exist.
 PreScanVolume to_prescan(const PropelloVolumes& volumes, const ProbeConfig& probe, int volume,
                          bool first_backward, const std::string& source);
+
+/// For the table of formats: see UltrasoundFormat and FileFormat::describe. Writing throws
+/// InputError for what the header cannot state: a tracked sweep, or uneven motor angles.
+UltrasoundInput read_propello_ultrasound(const UltrasoundSource& source);
+void write_propello_beams(const PreScanVolume& volume, const std::filesystem::path& path);
+std::string describe_propello(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "us_ct_registration/io/ultrasound/probe_config.h"
+#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
 /// Files that Ultrasonix scanners save: `.bpr` and its family.
@@ -69,7 +70,7 @@ struct SweepSelection {
   int index = 0;
   /// 0: all frames are one sweep. Frames after the last whole sweep are left out.
   int frames_per_sweep = 0;
-  /// Sweeps alternate direction; the first one runs against the probe's frame angles.
+  /// Sweeps alternate direction: whether the first one runs against the probe's frame angles.
   bool first_backward = false;
 };
 
@@ -80,8 +81,16 @@ struct SweepSelection {
 PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                          const SweepSelection& selection, const std::string& source);
 
-/// All frames with one pose each. Throws InputError as `tracked_geometry` and as above.
+/// All frames of a recording of a tracked probe, with one pose each. Throws InputError as
+/// `tracked_geometry`, or if the type is not 2 or the sampling frequency is needed and not within
+/// 0.1-100 MHz.
 PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                          const TrackedSweep& sweep, const std::string& source);
+
+/// For the table of formats: see UltrasoundFormat and FileFormat::describe. The sampling frequency
+/// that is written is that of the sample spacing at 1540 m/s.
+UltrasoundInput read_ultrasonix_ultrasound(const UltrasoundSource& source);
+void write_ultrasonix_beams(const PreScanVolume& volume, const std::filesystem::path& path);
+std::string describe_ultrasonix(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -1,52 +1,81 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "us_ct_registration/ultrasound/ultrasound.h"
 
-/// The one place that opens ultrasound, whatever the format.
+/// The one function that opens ultrasound of any format, and the options that the formats need
+/// beside the file. Which format needs or can use which option stands in the table of formats
+/// (formats.h).
 namespace usct {
 
-/// A file of ultrasound and what its format leaves open.
+/// A file of ultrasound, and what its format leaves open. An option counts as given if its value
+/// differs from the default.
 struct UltrasoundSource {
   std::filesystem::path path;
 
-  /// Probe YAML. Needed by Ultrasonix and Propello files and by pre-scan IGSIO sequences; turns
-  /// B-mode IGSIO sequences into beams (with `placement`).
+  /// Probe YAML: the geometry that headers of scanners lack.
   std::filesystem::path probe;
 
-  /// Ultrasonix and Propello: which sweep (volume) of the recording.
+  /// Which sweep (or volume) of a recording, from 0.
   int sweep = 0;
-  /// Ultrasonix: 0 if the recording is one sweep. Propello files say it themselves.
+  /// Frames of one sweep; 0 if the recording is one sweep.
   int frames_per_sweep = 0;
   /// Sweeps alternate direction: whether the first one runs against the probe's frame angles.
   bool first_backward = false;
 
-  /// IGSIO: Plus configuration (XML) with calibrations; none if empty.
+  /// Plus configuration (XML) with calibrations; none if empty.
   std::filesystem::path calibration;
-  /// IGSIO: the chain of transforms that gives each frame its pose, from the image (or probe) to
-  /// the US frame. An empty `from` means "Image" for B-mode and "Probe" for pre-scan sequences.
+  /// The chain of transforms that gives each frame its pose leads from the coordinate frame `from`,
+  /// of the image (or probe), to `to`, which becomes the US frame. An empty `from` means "Image"
+  /// for B-mode images and "Probe" for frames before scan conversion.
   std::string from;
   std::string to = "Reference";
-  /// IGSIO: leave frames out whose image or pose is not marked valid (each is named in the
-  /// warnings). Otherwise such a frame is an error.
+  /// Leaves frames out whose image or pose is not marked valid (the warnings name each). Otherwise
+  /// such a frame is an error.
   bool skip_invalid_frames = false;
-  /// B-mode IGSIO with a probe: where the probe appears in the image, and how many samples each
-  /// line is to have.
-  std::optional<ImagePlacement> placement;
+
+  /// Where the probe appears in B-mode images (see ImagePlacement), and the number of samples per
+  /// line, >= 2: with these and `probe`, the images are resampled along the beams.
+  std::optional<Eigen::Vector2d> image_origin_px;
+  std::optional<Eigen::Vector2d> image_spacing_mm;
   int samples = 0;
+
+  /// Throws InputError if options contradict each other, whatever the format.
+  void validate() const;
 };
+
+/// One field of UltrasoundSource.
+using UltrasoundField =
+    std::variant<std::filesystem::path UltrasoundSource::*, std::string UltrasoundSource::*,
+                 int UltrasoundSource::*, bool UltrasoundSource::*,
+                 std::optional<Eigen::Vector2d> UltrasoundSource::*>;
+
+/// How users give one field of UltrasoundSource.
+struct UltrasoundOption {
+  UltrasoundField field;
+  const char* name;  // of the ROS parameter, and in messages
+  const char* flag;  // on the command line
+  const char* what;  // with its article: "a probe YAML"
+  const char* help;
+};
+
+/// All options of UltrasoundSource, for the command line and the ROS parameters.
+const std::vector<UltrasoundOption>& ultrasound_options();
 
 struct UltrasoundInput {
   Ultrasound data;
   std::vector<std::string> warnings;
 };
 
-/// Throws InputError as the readers of each format do, and if an option is missing that the format
-/// needs, or given that it cannot use.
+/// Reads ultrasound of any format in the table. Throws InputError as the readers of each format do;
+/// if the file is not ultrasound; if an option is missing that the format needs; or if one is given
+/// that the format cannot use.
 UltrasoundInput read_ultrasound(const UltrasoundSource& source);
 
 }  // namespace usct

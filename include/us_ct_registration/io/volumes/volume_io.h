@@ -16,7 +16,7 @@
 /// allocated, and checksums of compressed data are verified.
 namespace usct {
 
-/// What the header of a volume says.
+/// A summary of the header of a volume.
 struct VolumeInfo {
   /// "NRRD", "MetaImage" or "NIfTI".
   std::string format;
@@ -27,7 +27,7 @@ struct VolumeInfo {
   /// Values are stored times `scale` plus `offset` (NIfTI's scl_slope and scl_inter).
   double scale = 1.0;
   double offset = 0.0;
-  /// What is unusual in the header but was understood.
+  /// Warnings about unusual but valid content of the header.
   std::vector<std::string> warnings;
 };
 
@@ -53,5 +53,8 @@ Volume<T> read_volume(const std::filesystem::path& path);
 /// or, for NIfTI, more than 32767 voxels along an axis.
 template <typename T>
 void write_volume(const Volume<T>& volume, const std::filesystem::path& path);
+
+/// For the table of formats: see FileFormat::describe.
+std::string describe_volume(const std::filesystem::path& path);
 
 }  // namespace usct

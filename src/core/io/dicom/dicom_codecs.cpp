@@ -32,7 +32,7 @@ constexpr Syntax kSyntaxes[] = {{"1.2.840.10008.1.2.4.50", Codec::kJpeg},  // ba
                                 {"1.2.840.10008.1.2.4.91", Codec::kJpeg2000},
                                 {"1.2.840.10008.1.2.5", Codec::kRle}};
 
-/// What a stream of the JPEG family says of itself.
+/// What the header of a stream of the JPEG family states.
 struct StreamFormat {
   int columns = 0;
   int rows = 0;
@@ -48,9 +48,9 @@ struct CheckedStream {
   Bytes bytes;
 };
 
-/// JPEG and JPEG-LS: segments, each FF, a marker and a length, up to the first scan. What belongs
-/// to applications is left out: it says nothing about a monochrome image, and GDCM ends the program
-/// over some of it.
+/// Checks a JPEG or JPEG-LS stream: up to the first scan it consists of segments, each of which
+/// begins with FF, a marker and a length. Segments of applications are left out of the result: they
+/// say nothing about a monochrome image, and some of them make GDCM end the program.
 std::optional<CheckedStream> check_jpeg(const Bytes& stream) {
   constexpr int kScan = 0xda;
   if (stream.size() < 2 || stream[0] != 0xff || stream[1] != 0xd8) return std::nullopt;
@@ -83,7 +83,7 @@ std::optional<CheckedStream> check_jpeg(const Bytes& stream) {
   return std::nullopt;
 }
 
-/// JPEG 2000: the SIZ segment comes first.
+/// Checks a JPEG 2000 stream, whose first segment, SIZ, states the size.
 std::optional<CheckedStream> check_jpeg_2000(const Bytes& stream) {
   constexpr std::array<std::uint8_t, 4> kBegin = {0xff, 0x4f, 0xff, 0x51};
   constexpr std::size_t kThroughFirstComponent = 43;
@@ -102,8 +102,8 @@ std::optional<CheckedStream> check_jpeg_2000(const Bytes& stream) {
                        stream};
 }
 
-/// Codecs decode a stream that was cut short to whatever it gives; all of the JPEG family end with
-/// this marker.
+/// Whether the stream is complete. Codecs decode what there is of a stream that was cut short,
+/// without an error; every stream of the JPEG family ends with this marker.
 bool has_end_marker(const Bytes& stream) {
   std::size_t size = stream.size();
   while (size > 0 && stream[size - 1] == 0) --size;  // padding to an even length
@@ -168,13 +168,13 @@ Bytes decompress_by_gdcm(const std::string& source, const std::string& transfer_
   try {
     decoded = bitmap.GetBufferLength() == out.size() &&
               bitmap.GetBuffer(reinterpret_cast<char*>(out.data()));
-  } catch (const std::exception&) {  // its words do not say more
+  } catch (const std::exception&) {  // the message of the exception says no more than ours
   }
   if (!decoded) throw InputError(source, "compressed pixels cannot be decoded: damaged");
   return out;
 }
 
-/// One segment of PS3.5 G.3.1; false if it does not give `count` bytes.
+/// Decodes one segment (PS3.5 G.3.1). Returns false unless it gives exactly `count` bytes.
 bool unpack_bits(const std::uint8_t* in, const std::uint8_t* end, std::uint8_t* out,
                  std::size_t count, std::size_t stride) {
   std::size_t done = 0;
@@ -191,7 +191,8 @@ bool unpack_bits(const std::uint8_t* in, const std::uint8_t* end, std::uint8_t* 
   return done == count;
 }
 
-/// PS3.5 annex G: one segment per byte of a pixel, the most significant first.
+/// Decodes a frame by PS3.5 annex G: one segment per byte of a pixel, the most significant byte
+/// first.
 Bytes decompress_rle(const std::string& source, const FrameFormat& format, const Bytes& stream) {
   constexpr std::size_t kHeaderBytes = 64;
   const auto damaged = [&] {
@@ -227,7 +228,8 @@ std::vector<std::uint8_t> decompress_frame(const std::string& source,
   if (syntax == std::end(kSyntaxes))
     throw InputError(source, "'TransferSyntaxUID' is " + in_quotes(transfer_syntax_uid) +
                                  ", must be uncompressed, JPEG, JPEG-LS, JPEG 2000 or RLE");
-  // RLE gives at most 128 bytes for two; the others are held against their own headers.
+  // Two bytes of RLE decode to at most 128, which bounds the size that a header may claim. The
+  // other streams state their size themselves.
   if (syntax->codec == Codec::kRle) {
     if (format.bytes() / 64 > stream.size())
       throw InputError(source, "pixels compressed by RLE are cut short or damaged");

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-/// Compressed frames of DICOM.
+/// Decodes the compressed frames of DICOM files.
 namespace usct::io {
 
-/// A frame as its header describes it.
+/// The format of a frame as the header of its file states it.
 struct FrameFormat {
   int columns = 0;
   int rows = 0;
@@ -21,9 +21,10 @@ struct FrameFormat {
   }
 };
 
-/// The stored values, little-endian. The size that the compressed stream itself states is held
-/// against the header before memory is allocated. Throws InputError, naming `source`, for a stream
-/// that is cut short, damaged or of another size, and for a transfer syntax that is not known.
+/// The stored values of a frame, little-endian. The size that the compressed stream itself states
+/// is checked against the header before memory is allocated. Throws InputError, naming `source`,
+/// for a stream that is cut short, damaged or of another size, and for a transfer syntax that is
+/// not known.
 std::vector<std::uint8_t> decompress_frame(const std::string& source,
                                            const std::string& transfer_syntax_uid,
                                            const FrameFormat& format,

@@ -6,7 +6,7 @@
 namespace usct::io {
 namespace {
 
-/// DICOM fills up to an even length with a blank or NUL.
+/// The text without the blank or NUL by which DICOM pads it to an even length.
 std::string_view without_padding(std::string_view text) {
   return trimmed(text.substr(0, text.find('\0')));
 }

@@ -56,7 +56,7 @@ const Attribute kValueTransformation{"PixelValueTransformationSequence", 0x00289
 const Attribute kSharedGroups{"SharedFunctionalGroupsSequence", 0x52009229};
 const Attribute kPerFrameGroups{"PerFrameFunctionalGroupsSequence", 0x52009230};
 
-/// No attribute that identifies a patient, and none of free text.
+/// The attributes that are read. None of them identifies a patient, and none is free text.
 const DicomWanted& wanted() {
   static const DicomWanted all{
       {kImageType,    kFrameType,     kSopClass,    kModality, kSeriesUid,
@@ -74,7 +74,7 @@ constexpr const char* kCtSopClasses[] = {"1.2.840.10008.5.1.4.1.1.2", "1.2.840.1
                                          "1.2.840.10008.5.1.4.1.1.2.2"};
 constexpr double kUnitTolerance = 1e-3;
 
-/// What the first bytes and the name say, before any parsing.
+/// Whether a file claims to be DICOM, by its first bytes and its name, before any parsing.
 enum class Claim { kNone, kPerhaps, kDicom };
 
 Claim claim_of(const fs::path& path) {
@@ -84,7 +84,7 @@ Claim claim_of(const fs::path& path) {
   file.read(begin.data(), begin.size());
   if (file.gcount() == begin.size() && std::memcmp(&begin[128], "DICM", 4) == 0)
     return Claim::kDicom;
-  // Other systems leave hidden files beside each of ours ("._IM0001.dcm").
+  // Some operating systems put a hidden file beside each file ("._IM0001.dcm").
   if (path.filename().string()[0] == '.') return Claim::kNone;
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -99,18 +99,20 @@ DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
   if (modality != "CT") return DicomKind::kOtherModality;
   const bool ct = std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses), sop_class) !=
                   std::end(kCtSopClasses);
-  // Anonymisers erase the class; what such a file is, its other attributes decide.
+  // Some anonymisers erase the class. Then the other attributes decide whether the file is an
+  // image.
   return ct || sop_class.empty() ? DicomKind::kCtImage : DicomKind::kOtherCt;
 }
 
-/// Looks an attribute up where it may be: in a macro of the frame's own functional groups, then of
-/// the shared ones, then in the data set itself (classic, single-frame images).
+/// Looks an attribute of a frame up in the places where DICOM allows it: in a macro of the frame's
+/// own functional groups, then in one of the shared groups, then in the data set itself (classic
+/// single-frame images).
 class FrameAttributes {
  public:
   FrameAttributes(const DicomDataset& top, const DicomDataset* shared, const DicomDataset* frame)
       : top_(top), shared_(shared), frame_(frame) {}
 
-  /// Calls `use` with the attributes that hold `attribute`; false if there are none.
+  /// Calls `use` with the data set that holds `attribute`. Returns false if there is none.
   template <typename Use>
   bool with(const Attribute& macro, const Attribute& attribute, const Use& use) const {
     for (const DicomDataset* groups : {frame_, shared_}) {
@@ -153,7 +155,7 @@ SlicePose read_pose(const DicomDataset& top, const FrameAttributes& frame) {
   const auto spacing = frame.require_numbers(kPixelMeasures, kPixelSpacing, 2);
   pose.position_mm = Eigen::Map<const Eigen::Vector3d>(position.data());
   pose.axes = Eigen::Map<const Eigen::Matrix<double, 3, 2>>(cosines.data());
-  pose.spacing_mm = {spacing[1], spacing[0]};  // DICOM: between rows, then between columns
+  pose.spacing_mm = {spacing[1], spacing[0]};  // DICOM states the distance of rows first
   if ((pose.spacing_mm.array() <= 0.0).any())
     top.refuse(kPixelSpacing, format(spacing[0]) + "\\" + format(spacing[1]), "> 0");
   const Eigen::Array2d lengths = pose.axes.colwise().norm();
@@ -173,7 +175,8 @@ bool is_localizer(const DicomDataset& top, const FrameAttributes& frame) {
   return type.size() > 2 && type[2] == "LOCALIZER";
 }
 
-/// A localizer is not read, so nothing more is asked of it.
+/// The geometry and scaling of a frame. A localizer never becomes a slice, so that these may be
+/// missing from it.
 DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes,
                       std::vector<std::string>& warnings) {
   DicomFrame frame;
@@ -221,7 +224,7 @@ std::vector<DicomFrame> read_frames(const fs::path& path, const DicomDataset& to
   return result;
 }
 
-/// A value of as many bits as a pixel has.
+/// A value of an attribute that has the pixels' own representation, signed or unsigned.
 long stored_value(std::uint16_t raw, bool is_signed) {
   return is_signed ? static_cast<std::int16_t>(raw) : raw;
 }

@@ -10,7 +10,7 @@
 #include "io/dicom/dicom_dataset.h"
 #include "io/dicom/slice_stack.h"
 
-/// One DICOM file: what its header says, and its pixels.
+/// The header of one DICOM file, and its pixels.
 namespace usct::io {
 
 /// One image, or one frame of a multi-frame image.
@@ -30,11 +30,11 @@ struct DicomImages {
   int bits_stored = 0;
   bool is_signed = false;
   bool big_endian = false;
-  /// Stored values from first to second are padding.
+  /// The range of stored values, first to second, that means padding.
   std::optional<std::pair<long, long>> padding;
   std::vector<DicomFrame> frames;
   DicomPixelData pixels;
-  /// Not fatal: named in the result's warnings.
+  /// What is unusual but does not prevent reading.
   std::vector<std::string> warnings;
 
   std::size_t frame_pixels() const {
@@ -44,10 +44,10 @@ struct DicomImages {
 
 enum class DicomKind {
   kCtImage,
-  /// Of modality CT but no image of it: a report, a dose sheet, a screen capture.
+  /// A file of modality CT that is no CT image: a report, a dose sheet, a screen capture.
   kOtherCt,
   kOtherModality,
-  /// The index of a medium.
+  /// A DICOMDIR, the index of a disc.
   kDirectory
 };
 
@@ -59,18 +59,20 @@ struct DicomFile {
   std::string frame_of_reference_uid;
   std::string transfer_syntax_uid;
   std::optional<int> series_number;
-  /// For kCtImage; empty frames if `problem` is not empty.
+  /// Only for kCtImage. Without frames if `problem` is not empty.
   DicomImages images;
   /// Why the images cannot be read: "'Rows' is 0, must be > 0".
   std::string problem;
 };
 
-/// Nothing if the file is not DICOM. Throws InputError if it cannot be opened, or claims to be
-/// DICOM (by its content or its extension) and cannot be parsed.
+/// Reads a header; the result is empty if the file is not DICOM. Throws InputError if the file
+/// cannot be opened, or if it claims to be DICOM (by its content or its extension) and cannot be
+/// parsed.
 std::optional<DicomFile> read_dicom_header(const std::filesystem::path& path);
 
-/// Hounsfield units of one frame, columns fastest. Throws InputError, naming the file, if the
-/// pixels are cut short, damaged, of a compression that is not known, or outside int16.
+/// Hounsfield units of one frame, in the order of rows. Throws InputError, naming the file, if the
+/// pixels are cut short or damaged, if their compression is not known, or if a value does not fit
+/// int16.
 std::vector<std::int16_t> read_dicom_hounsfield(const DicomFile& file, std::size_t frame);
 
 }  // namespace usct::io

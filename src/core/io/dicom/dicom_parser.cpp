@@ -21,11 +21,12 @@ constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
 constexpr std::uint32_t kPixelData = 0x7fe00010;
 constexpr std::uint32_t kTransferSyntax = 0x00020010;
 constexpr std::uint64_t kPreambleBytes = 128;
-/// Nothing that is asked for is longer.
+/// Values of the attributes that are read are shorter than this.
 constexpr std::uint32_t kLongestValue = 1 << 16;
 constexpr int kDeepestNesting = 32;
 
-/// Bytes of a file by their place, through a window so that headers are read without pixels.
+/// Random access to the bytes of a file. A window is read at a time, so that a header is read
+/// without its pixels.
 class FileBytes {
  public:
   explicit FileBytes(const fs::path& path) : source_(path.string()), file_(path, std::ios::binary) {
@@ -37,7 +38,7 @@ class FileBytes {
   const std::string& source() const { return source_; }
   std::uint64_t size() const { return size_; }
 
-  /// The caller has checked that the file holds them.
+  /// Copies `count` bytes from `begin` on. The caller must have checked that the file holds them.
   void read(std::uint64_t begin, void* out, std::size_t count) {
     if (begin < window_begin_ || begin + count > window_begin_ + window_.size())
       move_window(begin, count);
@@ -62,7 +63,7 @@ class FileBytes {
   std::uint64_t window_begin_ = 0;
 };
 
-/// How elements are written.
+/// The encoding of elements, as the transfer syntax states it.
 struct Encoding {
   bool explicit_vr;
   bool big_endian;
@@ -79,7 +80,7 @@ bool holds(const std::vector<Attribute>& attributes, std::uint32_t tag) {
                      [tag](const Attribute& a) { return a.tag == tag; });
 }
 
-/// Value representations whose length takes 4 bytes, after 2 that are not used.
+/// Whether the length of this value representation takes 4 bytes (after 2 reserved bytes), not 2.
 bool has_long_form(std::string_view vr) {
   constexpr std::array<std::string_view, 13> kLong = {"OB", "OD", "OF", "OL", "OV", "OW", "SQ",
                                                       "SV", "UC", "UN", "UR", "UT", "UV"};
@@ -93,7 +94,7 @@ class Parser {
 
   std::uint64_t at() const { return at_; }
 
-  /// The group of the element that comes next; nothing at the end of the file.
+  /// The group of the next element; empty at the end of the file.
   std::optional<std::uint16_t> next_group() {
     if (at_ == file_.size()) return std::nullopt;
     require(2, "a tag");
@@ -103,7 +104,7 @@ class Parser {
     return group;
   }
 
-  /// Elements up to the pixels, or the end of the file.
+  /// Parses elements up to the pixels, or to the end of the file.
   void parse_top(DicomDataset& data, std::optional<DicomPixelData>& pixels) {
     while (next_group()) {
       const Header header = read_header();
@@ -115,7 +116,7 @@ class Parser {
     }
   }
 
-  /// Elements of one group.
+  /// Parses elements as long as they belong to the group.
   void parse_group(std::uint16_t group, DicomDataset& data) {
     while (next_group() == group) parse_value(read_header(), &data, 0);
   }
@@ -123,7 +124,7 @@ class Parser {
  private:
   struct Header {
     std::uint32_t tag;
-    std::array<char, 2> vr;  // "  " if implicit
+    std::array<char, 2> vr;  // value representation; blanks if it is implicit
     std::uint32_t length;
     std::uint64_t place;
 
@@ -158,7 +159,7 @@ class Parser {
     require(8, "the header of an element");
     const std::uint32_t group = read_short();
     header.tag = group << 16 | read_short();
-    const bool delimiter = group == 0xfffe;  // these have no value representation
+    const bool delimiter = group == 0xfffe;  // delimiters have no value representation
     if (!encoding_.explicit_vr || delimiter) {
       header.length = read_long();
       return header;
@@ -176,7 +177,7 @@ class Parser {
     return header;
   }
 
-  /// Keeps the value in `data` if it is asked for, and goes past it.
+  /// Keeps the value in `data` if it is wanted, and moves behind it.
   void parse_value(const Header& header, DicomDataset* data, int depth) {
     if (header.tag >> 16 == 0xfffe)
       refuse(header.place, "delimiter " + tag_text(header.tag) + " without a sequence");
@@ -202,7 +203,8 @@ class Parser {
     if (depth >= kDeepestNesting) refuse(header.place, "more than 32 nested sequences");
     const bool keep = data != nullptr && holds(wanted_.sequences, header.tag);
     const Encoding outer = encoding_;
-    // PS3.5 6.2.2: a sequence that its writer did not know is UN, and implicit within.
+    // PS3.5 6.2.2: a program that does not know a sequence writes it as UN, with implicit value
+    // representations inside.
     if (header.vr_text() == "UN") encoding_ = {false, false};
     std::vector<DicomDataset> items;
     const std::uint64_t end = end_of(header);
@@ -259,7 +261,7 @@ class Parser {
       at_ += item.length;
     }
     if (pixels.ranges.empty()) refuse(header.place, "'PixelData' without its table of offsets");
-    pixels.ranges.erase(pixels.ranges.begin());  // the table of offsets, which may be empty
+    pixels.ranges.erase(pixels.ranges.begin());  // the first item is the table of offsets
     return pixels;
   }
 
@@ -281,10 +283,11 @@ Encoding encoding_of(const std::string& transfer_syntax_uid, const std::string& 
   if (transfer_syntax_uid == "1.2.840.10008.1.2.1.99" || transfer_syntax_uid.empty())
     throw InputError(source, "'TransferSyntaxUID' is " + in_quotes(transfer_syntax_uid) +
                                  ", must be one that is read (a deflated data set is not)");
-  return {true, false};  // PS3.5 A.4: all that compress pixels
+  return {true, false};  // PS3.5 A.4: every transfer syntax that compresses pixels
 }
 
-/// Without a header that states it: the letters of a value representation after the first tag.
+/// Guesses the transfer syntax of a file that does not state it: it is explicit if the letters of a
+/// value representation follow the first tag.
 std::string guessed_syntax(FileBytes& file, std::uint64_t begin) {
   char vr[2] = {};
   if (file.size() >= begin + 6) file.read(begin + 4, vr, 2);

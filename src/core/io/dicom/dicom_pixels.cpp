@@ -32,14 +32,14 @@ void check_length(const DicomFile& file) {
   const std::uint64_t wanted =
       static_cast<std::uint64_t>(frame_format(images).bytes()) * images.frames.size();
   const std::uint64_t length = images.pixels.ranges.front().length;
-  if (length != wanted && length != wanted + wanted % 2)  // padded to an even length
+  if (length != wanted && length != wanted + wanted % 2)  // values are padded to even lengths
     refuse(file, "'PixelData' has " + std::to_string(length) + " bytes, must have " +
                      std::to_string(wanted) + " for " + std::to_string(images.frames.size()) +
                      " frames of " + std::to_string(images.rows) + " rows and " +
                      std::to_string(images.columns) + " columns");
 }
 
-/// The compressed stream of one frame: a fragment, or all of them for a single frame.
+/// The compressed stream of one frame: its own fragment, or all fragments if there is one frame.
 Bytes frame_stream(const DicomFile& file, std::size_t frame) {
   const std::vector<ByteRange>& fragments = file.images.pixels.ranges;
   const std::size_t frames = file.images.frames.size();
@@ -75,7 +75,7 @@ void to_hounsfield(const DicomFile& file, std::size_t frame, const Bytes& stored
   const DicomImages& images = file.images;
   const double slope = images.frames[frame].slope;
   const double intercept = images.frames[frame].intercept;
-  // Bits above BitsStored may hold anything.
+  // The standard leaves the bits above BitsStored undefined.
   const int unused = images.bits_allocated - images.bits_stored;
   using Signed = std::make_signed_t<Raw>;
   for (std::size_t i = 0; i < images.frame_pixels(); ++i) {

@@ -6,13 +6,14 @@
 
 #include "us_ct_registration/volume/volume.h"
 
-/// Where the slices of a series lie, and how they become a regular grid. Knows nothing of DICOM.
+/// Positions of the slices of a series, and their combination into a regular grid. Independent of
+/// DICOM.
 namespace usct::io {
 
 /// One slice: voxel (i, j) has its centre at
 /// position_mm + axes * (i * spacing_mm.x(), j * spacing_mm.y()).
 struct SlicePose {
-  /// How messages call it.
+  /// Names the slice in messages.
   std::string name;
   Eigen::Vector2i size = Eigen::Vector2i::Zero();
   Eigen::Vector2d spacing_mm = Eigen::Vector2d::Ones();
@@ -26,33 +27,41 @@ struct SliceStack {
   std::vector<int> order;
   /// For each of `order`, the slices at the same place.
   std::vector<std::vector<int>> duplicates;
-  /// For each of `order`: place along the normal, and sideways (along the axes), in mm from the
-  /// first slice.
+  /// For each of `order`, from the first slice on: the distance along the normal, and the sideways
+  /// shift along the two axes.
   std::vector<double> depth_mm;
   std::vector<Eigen::Vector2d> shift_mm;
 
-  /// Unit, first axis x second axis.
+  /// Unit vector: first axis x second axis.
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
   /// Median distance along the normal between neighbours; 0 for one slice.
   double spacing_mm = 0.0;
-  /// The least distance along the normal between neighbours (the mean of all that are as small
-  /// within the tolerance).
+  /// The least distance along the normal between neighbours: the mean of all distances that equal
+  /// the smallest one within the tolerance.
   double least_spacing_mm = 0.0;
 
-  /// In words, what keeps the slices from being a grid at all (different sizes, spacings or
-  /// directions, or a single slice), and what resampling can mend (tilt, uneven spacing, missing
-  /// slices). The order is only known if `fatal` is empty.
+  /// Reasons why the slices form no grid at all (different sizes, spacings or directions, or a
+  /// single slice), and irregularities that resampling can repair (tilt, uneven spacing, missing
+  /// slices). The order is known only if `fatal` is empty.
   std::vector<std::string> fatal;
+  /// In words, what resampling can mend: tilt, uneven spacing, missing slices.
   std::vector<std::string> irregular;
 
-  /// If not irregular: the grid that the slices form, fitted to all positions.
+  /// The grid that the slices form, fitted to all positions. Not meaningful if irregular.
   Grid grid;
 };
 
-/// `tolerance`: how far a slice may be from its place on the grid, as a fraction of the spacing.
+/// Slices closer than this are at one place, whatever the spacing.
+constexpr double kSamePlaceMm = 1e-3;
+
+/// Distances between neighbours.
+std::vector<double> gaps_of(const std::vector<double>& depth_mm);
+
+/// Orders the slices and fits a grid to them. A slice may be away from its place on the grid by
+/// `tolerance`, a fraction of the spacing.
 SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance);
 
-/// Value of voxels where no slice is: air.
+/// Value of voxels outside all slices: air.
 constexpr std::int16_t kAirHu = -1024;
 
 /// The voxels of the slices (in the stack's order) interpolated linearly at their true positions

@@ -8,72 +8,47 @@
 #include "us_ct_registration/registration/registration.h"
 #include "us_ct_registration/simulation/simulation.h"
 
-/// What the options of a registration are called in files: the one description of their fields,
-/// which reading, writing and listing all go by. A new field is one line here, with its unit in the
-/// key; a new enumeration is a table of words.
-///
-/// `fields(key, value)` is called for each; `fields.degrees(key, value_rad, most_deg)` for angles,
-/// which files have in degrees.
-namespace usct::io {
+namespace usct {
 
-/// How an enumeration is written.
-template <typename Enum>
-struct Words;
-
-template <>
-struct Words<GradientChannel> {
-  static constexpr std::array<std::pair<GradientChannel, const char*>, 2> kAll = {
-      {{GradientChannel::kMagnitude, "magnitude"}, {GradientChannel::kAlongBeam, "along_beam"}}};
-};
-template <>
-struct Words<SampleSubset> {
-  static constexpr std::array<std::pair<SampleSubset, const char*>, 2> kAll = {
-      {{SampleSubset::kAll, "all"}, {SampleSubset::kHalf, "half"}}};
-};
-template <>
-struct Words<PatchWeighting> {
-  static constexpr std::array<std::pair<PatchWeighting, const char*>, 3> kAll = {
-      {{PatchWeighting::kCount, "count"},
-       {PatchWeighting::kDeviation, "deviation"},
-       {PatchWeighting::kVariance, "variance"}}};
-};
-template <>
-struct Words<StartRegion> {
-  static constexpr std::array<std::pair<StartRegion, const char*>, 2> kAll = {
-      {{StartRegion::kBox, "box"}, {StartRegion::kBall, "ball"}}};
-};
-template <>
-struct Words<Normalisation> {
-  static constexpr std::array<std::pair<Normalisation, const char*>, 3> kAll = {
+/// Words for the enumerations of the lower layers.
+constexpr auto words_of(Normalisation) {
+  return std::array<std::pair<Normalisation, const char*>, 3>{
       {{Normalisation::kNone, "none"},
        {Normalisation::kFlatten, "flatten"},
        {Normalisation::kZScore, "z_score"}}};
-};
-template <>
-struct Words<Interpolation> {
-  static constexpr std::array<std::pair<Interpolation, const char*>, 2> kAll = {
+}
+constexpr auto words_of(Interpolation) {
+  return std::array<std::pair<Interpolation, const char*>, 2>{
       {{Interpolation::kNearest, "nearest"}, {Interpolation::kTrilinear, "trilinear"}}};
-};
-template <>
-struct Words<LogCompression> {
-  static constexpr std::array<std::pair<LogCompression, const char*>, 2> kAll = {
+}
+constexpr auto words_of(LogCompression) {
+  return std::array<std::pair<LogCompression, const char*>, 2>{
       {{LogCompression::kReflection, "reflection"}, {LogCompression::kIntensity, "intensity"}}};
-};
+}
+
+}  // namespace usct
+
+/// The one description of the option fields in files, which reading, writing and listing all use. A
+/// new field is one line here (or beside its struct, as for the metrics and the gates), with its
+/// unit in the key; a new enumeration is a table of words.
+///
+/// `fields(key, value)` is called for each field; `fields.degrees(key, value_rad, most_deg)` for
+/// each angle, which files give in degrees.
+namespace usct::io {
 
 template <typename Enum>
 std::string word_of(Enum value) {
-  for (const auto& [known, word] : Words<Enum>::kAll)
+  for (const auto& [known, word] : words_of(value))
     if (known == value) return word;
   throw std::logic_error("a value of an enumeration has no word");
 }
-inline std::string word_of(SimilarityKind kind) { return kind_name(kind); }
 inline std::string word_of(OptimizerMethod method) { return method_name(method); }
 
-/// Throws InputError, naming `source`, for a word that is none of them.
+/// Throws InputError, naming `source`, for a word that is not in the table.
 template <typename Enum>
 void parse_word(const std::string& word, const std::string& source, Enum& value) {
   std::string all;
-  for (const auto& [known, its_word] : Words<Enum>::kAll) {
+  for (const auto& [known, its_word] : words_of(value)) {
     if (word == its_word) {
       value = known;
       return;
@@ -81,9 +56,6 @@ void parse_word(const std::string& word, const std::string& source, Enum& value)
     all += (all.empty() ? "" : ", ") + std::string(its_word);
   }
   throw InputError(source, "is '" + word + "', must be one of " + all);
-}
-inline void parse_word(const std::string& word, const std::string& source, SimilarityKind& kind) {
-  kind = parse_kind(word, source);
 }
 inline void parse_word(const std::string& word, const std::string& source,
                        OptimizerMethod& method) {
@@ -168,32 +140,6 @@ void describe(Fields& fields, FitOptions& o) {
 }
 
 template <typename Fields>
-void describe(Fields& fields, PatchOptions& o) {
-  fields("depth_mm", o.depth_mm);
-  fields("lateral_mm", o.lateral_mm);
-  fields("elevation_mm", o.elevation_mm);
-  fields("least_share", o.least_share);
-  fields("samples", o.samples);
-}
-
-template <typename Fields>
-void describe(Fields& fields, SimilarityOptions& o) {
-  fields("kind", o.kind);
-  fields("channel", o.channel);
-  fields("patches", o.patches);
-  fields("weighting", o.weighting);
-  fields("pressed_mm", o.pressed_mm);
-  fields("ridge_intensity_hu", o.ridge_intensity_hu);
-  fields("ridge_gradient_hu_per_mm", o.ridge_gradient_hu_per_mm);
-  fields("positive_gradient", o.positive_gradient);
-  fields("power", o.power);
-  fields("bins", o.bins);
-  fields("gradient_bins", o.gradient_bins);
-  fields("gradient_scale_hu_per_mm", o.gradient_scale_hu_per_mm);
-  fields("scalar", o.scalar);
-}
-
-template <typename Fields>
 void describe(Fields& fields, StartOptions& o) {
   constexpr double kMostInBoxDeg = 103.92;
   constexpr double kMostDeg = 180.0;
@@ -204,7 +150,7 @@ void describe(Fields& fields, StartOptions& o) {
   fields("translation_mm", o.translation_mm);
 }
 
-/// Without the seed: a registration passes its own on.
+/// The seed is left out: a registration passes its own on.
 template <typename Fields>
 void describe(Fields& fields, OptimizerOptions& o) {
   fields("method", o.method);
@@ -216,44 +162,83 @@ void describe(Fields& fields, OptimizerOptions& o) {
 }
 
 template <typename Fields>
-void describe(Fields& fields, StageOptions& o) {
+void describe(Fields& fields, ClimbOptions& o) {
   fields("spacing_mm", o.spacing_mm);
   fields("similarity", o.similarity);
-  fields("starts", o.starts);
-  fields("optimised", o.optimised);
-  fields("kept", o.kept);
   fields("optimizer", o.optimizer);
   fields("reach_mm", o.reach_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, LevelOptions& o) {
+  describe(fields, static_cast<ClimbOptions&>(o));
+  fields("optimised", o.optimised);
+  fields("kept", o.kept);
+}
+
+template <typename Fields>
+void describe(Fields& fields, RoundOptions& o) {
+  fields("most", o.most);
+  fields("growth", o.growth);
+  fields("breadth", o.breadth);
+  fields("deciding_breadth", o.deciding_breadth);
+  fields("near_share", o.near_share);
+}
+
+template <typename Fields>
+void describe(Fields& fields, SearchOptions& o) {
+  fields("starts", o.starts);
+  fields("levels", o.levels);
+  fields("rounds", o.rounds);
+  fields("distinct_mm", o.distinct_mm);
+  fields("most_optima", o.most_optima);
+  fields("ct_margin_mm", o.ct_margin_mm);
+  fields("ct_most_turn_rad", o.ct_most_turn_rad);
+}
+
+template <typename Fields>
+void describe(Fields& fields, RefinementOptions& o) {
+  describe(fields, static_cast<ClimbOptions&>(o));
+  fields("ct_margin_mm", o.ct_margin_mm);
   fields("depth_error", o.depth_error);
   fields("sweep_error", o.sweep_error);
 }
 
 template <typename Fields>
+void describe(Fields& fields, BackgroundOptions& o) {
+  constexpr double kMostInBoxDeg = 103.92;
+  fields("count", o.count);
+  fields.degrees("spread_deg", o.spread_rad, kMostInBoxDeg);
+  fields("spread_mm", o.spread_mm);
+  fields("away_mm", o.away_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, ScatterOptions& o) {
+  fields("similarity", o.similarity);
+  fields("around_mm", o.around_mm);
+  fields("least_curvature", o.least_curvature);
+}
+
+template <typename Fields>
 void describe(Fields& fields, ConfidenceOptions& o) {
-  fields("min_overlap", o.min_overlap);
+  fields("gates", o.gates);
   fields("background", o.background);
-  fields("background_mm", o.background_mm);
-  fields("min_significance", o.min_significance);
-  fields("min_margin", o.min_margin);
-  fields("max_disagreement_mm", o.max_disagreement_mm);
-  fields("max_displacement_mm", o.max_displacement_mm);
-  fields("confirmation", o.confirmation);
-  fields("max_scatter_mm", o.max_scatter_mm);
+  fields("rival_mm", o.rival_mm);
+  fields("scatter", o.scatter);
   fields("deviation_factor", o.deviation_factor);
   fields("systematic_mm", o.systematic_mm);
 }
 
 template <typename Fields>
 void describe(Fields& fields, RegistrationOptions& o) {
+  fields("beams", o.beams);
   fields("window", o.window);
   fields("outside_hu", o.outside_hu);
   fields("conditioning_spacing_mm", o.conditioning_spacing_mm);
   fields("conditioning", o.conditioning);
-  fields("simulation", o.simulation);
-  fields("fit", o.fit);
-  fields("stages", o.stages);
-  fields("rounds", o.rounds);
-  fields("distinct_mm", o.distinct_mm);
+  fields("search", o.search);
+  fields("refinement", o.refinement);
   fields("confidence", o.confidence);
   fields("seed", o.seed);
 }

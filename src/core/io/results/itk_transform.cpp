@@ -22,22 +22,23 @@ namespace {
 using AnyTransform = itk::Transform<double, 3, 3>;
 using Affine = itk::AffineTransform<double, 3>;
 
-/// ITK's registry of transforms is global, and its HDF5 is not made for threads.
+/// Locks ITK's transform files. Its registry of transforms is global, and its HDF5 library is not
+/// safe for threads.
 std::unique_lock<std::mutex> lock_itk_transforms() {
   static std::mutex mutex;
   std::unique_lock<std::mutex> lock(mutex);
   static std::once_flag registered;
   std::call_once(registered, [] {
     itk::TransformFactoryBase::RegisterDefaultTransforms();
-    // Not among the defaults; older ANTs write it.
+    // Older versions of ANTs write this transform, which is not among the defaults.
     itk::TransformFactory<itk::MatrixOffsetTransformBase<double, 3, 3>>::RegisterTransform();
-    H5::Exception::dontPrint();  // our message says it
+    H5::Exception::dontPrint();  // our own message holds HDF5's
   });
   return lock;
 }
 
-/// Chosen by hand: no factory of file formats has to be registered, and none of another library
-/// interferes.
+/// The reader and writer for the extension. It is chosen here and not by ITK's factories, so that
+/// no factory has to be registered, and none that another library registers can interfere.
 itk::TransformIOBaseTemplate<double>::Pointer transform_io(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".tfm" || extension == ".txt")
@@ -48,7 +49,8 @@ itk::TransformIOBaseTemplate<double>::Pointer transform_io(const std::filesystem
                                       "', must be .tfm, .txt, .h5 or .hdf5 (ITK transform)");
 }
 
-/// ITK reads a text file that ends before its parameters as the identity, without a word.
+/// Throws InputError for a text file that ends before its parameters. ITK would read it as the
+/// identity without an error.
 void require_complete_text(const std::filesystem::path& path) {
   const Bytes bytes = read_bytes(path);
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -77,7 +79,7 @@ std::string description(const itk::ExceptionObject& error) {
   return text.substr(0, text.find_first_of("\r\n"));
 }
 
-/// ITK and HDF5 have exceptions of their own.
+/// Runs `action` and turns exceptions of ITK and HDF5 into InputErrors.
 template <typename Action>
 void with_input_errors(const std::string& source, const Action& action) {
   const std::string violation = "is not an ITK transform file: ";
@@ -87,7 +89,7 @@ void with_input_errors(const std::string& source, const Action& action) {
     throw InputError(source, violation + description(error));
   } catch (const H5::Exception& error) {
     throw InputError(source, violation + error.getDetailMsg());
-  } catch (const std::exception& error) {  // ITK's own text handling stumbles over foreign names
+  } catch (const std::exception& error) {  // ITK throws this for some unknown names of transforms
     throw InputError(source, violation + error.what());
   }
 }
@@ -114,7 +116,7 @@ LinearMap read_itk_transform(const std::filesystem::path& path) {
   if (std::string_view(io->GetNameOfClass()) == "TxtTransformIOTemplate")
     require_complete_text(path);
   else
-    read_prefix(path, 1);  // clear words for what is missing, empty or a folder
+    read_prefix(path, 1);  // throws a clear message if the file is missing, empty or a folder
   const auto lock = lock_itk_transforms();
   const auto reader = itk::TransformFileReaderTemplate<double>::New();
   reader->SetTransformIO(io);

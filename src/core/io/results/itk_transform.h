@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-/// ITK transform files, in plain numbers: ITK's transforms bring an Eigen of their own, which
-/// cannot stand in one translation unit with the system's.
+/// ITK transform files, in plain numbers. ITK's headers include its own copy of Eigen, which cannot
+/// be included in one translation unit with the system's Eigen.
 namespace usct::io {
 
 /// p -> matrix * p + translation.

@@ -151,7 +151,7 @@ RegistrationResult read_result(const std::filesystem::path& path) {
   result.overlap = members.number_or_nan("overlap");
   if (!members.is_null("covariance")) result.covariance = members.matrix<6>("covariance");
   result.candidates = read_candidates(members.at("candidates"), source);
-  result.measures = members.map<double>("measures");
+  result.measures = measures_from(members.map<double>("measures"), source);
   result.evaluations = members.count("evaluations");
   result.seconds = members.map<double>("seconds");
   result.options = members.map<std::string>("options");
@@ -170,7 +170,7 @@ std::string result_json(const RegistrationResult& result, const std::string& sou
   json["overlap"] = number_json(result.overlap);
   json["covariance"] = result.covariance ? matrix_json<6>(*result.covariance) : Json(nullptr);
   json["candidates"] = candidates_json(result.candidates);
-  json["measures"] = result.measures;
+  json["measures"] = by_name(result.measures);
   json["evaluations"] = result.evaluations;
   json["seconds"] = result.seconds;
   json["options"] = result.options;

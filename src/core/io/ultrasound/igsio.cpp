@@ -12,11 +12,12 @@ namespace {
 
 constexpr std::size_t kPeekedBytes = std::size_t{1} << 16;
 
-/// Letters of the in-plane axes; 'M' and 'U', 'F' and 'N' are each other's opposites.
+/// The meaning of the two letters for the in-plane axes. M and U are opposite directions, and so
+/// are F and N.
 struct InPlane {
   bool lines_contiguous;  // the fast axis runs along the lines (F or N)
   bool far;               // depth rises with the index
-  bool marked;            // towards the marked side with the index
+  bool marked;            // the lateral index rises towards the marked side
 };
 
 InPlane parse_in_plane(const std::string& orientation, const std::string& source) {
@@ -34,7 +35,7 @@ InPlane parse_in_plane(const std::string& orientation, const std::string& source
 }
 
 void require_brightness(const IgsioSequence& sequence, const std::string& source) {
-  // Recordings of older software have no type; then 8-bit data are brightness.
+  // Older software records no type; its 8-bit data are brightness.
   const bool brightness = sequence.image_type.empty() || sequence.image_type == "BRIGHTNESS";
   if (!brightness || sequence.element != IgsioElement::kUint8)
     throw InputError(source,

@@ -46,7 +46,7 @@ void parse_field(std::string_view name, std::string_view value, Header& header,
   insert(header.frames[frame], rest.substr(underscore + 1), value, source);
 }
 
-/// `name = value` lines up to and with ElementDataFile, behind which the data begin.
+/// Parses lines `name = value`. The data begin after the line of ElementDataFile, the last one.
 Header parse_header(const Bytes& bytes, const std::string& source) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   Header header;
@@ -66,7 +66,7 @@ Header parse_header(const Bytes& bytes, const std::string& source) {
   throw InputError(source, "header has no field 'ElementDataFile'");
 }
 
-/// Takes a field out of the header, so that what is left can be kept as text.
+/// Takes a field out of the header, which keeps the fields that are not understood, as text.
 std::optional<std::string> take(Fields& fields, const std::string& name) {
   const auto node = fields.extract(name);
   return node.empty() ? std::nullopt : std::optional<std::string>(std::move(node.mapped()));
@@ -219,7 +219,8 @@ void append_field(const std::string& name, const std::string& value, const std::
   text += name + " = " + value + "\n";
 }
 
-/// Fields that a file of one frame has for two axes only; written with three they would not fit.
+/// A file of one frame states these fields for two axes. Such values must not be written to a file
+/// with three axes.
 bool fits_three_axes(const std::string& name, const std::string& value) {
   static const std::map<std::string, std::size_t> kWords = {{"CenterOfRotation", 3},
                                                             {"ElementSpacing", 3},

@@ -29,7 +29,8 @@ struct Sizes {
   int frames;
 };
 
-/// The key/value pairs of a header; in the end every geometry key must have been asked for.
+/// The key/value pairs of a header. The parser asks for each key by name, and refuses geometry keys
+/// that it did not ask for.
 class Keys {
  public:
   Keys(const std::map<std::string, std::string>& keys, std::string source)
@@ -52,7 +53,7 @@ class Keys {
                                     " entries, must have " + std::to_string(count));
     return values;
   }
-  /// A table of angles, or a pitch that means evenly spaced and centred on zero.
+  /// Angles from a table, or from a pitch: then they are evenly spaced and centred on zero.
   std::vector<double> angles_rad(const std::string& table_key, const std::string& pitch_key,
                                  int count) {
     const bool has_table = find(table_key) != nullptr;
@@ -69,7 +70,8 @@ class Keys {
   }
 
  private:
-  /// Other programs may add keys of their own; a misspelt one of ours must not pass as such.
+  /// Other programs may add keys of their own, but a misspelt key of ours must not pass as one of
+  /// these.
   static bool looks_like_geometry(std::string_view key) {
     constexpr std::array<std::string_view, 6> kUnits = {"_mm", "_deg", "_rad", "_s", "_m", "_hz"};
     return key.substr(0, 5) == "usct_" ||
@@ -236,13 +238,13 @@ PreScanVolume parse_prescan_nrrd(Bytes bytes, const std::string& source,
                                  const ReadDetached& read_detached) {
   const NrrdHeader header = parse_nrrd_header(bytes, source);
   Keys keys(header.keys, source);
-  keys.text(kGeometryKey);  // says first what any other NRRD lacks
+  keys.text(kGeometryKey);  // the first message for any other NRRD is that this key is missing
   check_type(header, source);
   const Sizes sizes = parse_sizes(header, source);
   const std::uint64_t expected =
       size_product({sizes.samples, sizes.lines, sizes.frames}, source, "sizes");
   PreScanVolume volume;
-  // The data come before the tables: they prove the sizes that tables are made for.
+  // The data are read before the tables are made, because they prove that the sizes are right.
   volume.voxels = read_voxels(header, expected, std::move(bytes), source, read_detached);
   volume.geometry = parse_geometry(keys, sizes, source);
   if (const std::string* time = keys.find("acquisition_time")) {

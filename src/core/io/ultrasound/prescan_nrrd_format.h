@@ -6,10 +6,11 @@
 #include "io/bytes.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
-/// The format of prescan_nrrd.h in memory, without files (and therefore open to fuzzing).
+/// Parses and writes the format of prescan_nrrd.h in memory. No files are opened, so that the
+/// parser can be fuzzed.
 namespace usct::io {
 
-/// Gives the bytes of a detached data file of this name.
+/// Returns the bytes of the detached data file of this name.
 using ReadDetached = std::function<Bytes(const std::string& name)>;
 
 PreScanVolume parse_prescan_nrrd(Bytes bytes, const std::string& source,

@@ -9,7 +9,8 @@
 namespace usct {
 namespace {
 
-/// How far a calibrated table may be from the pitch that the scanner recorded.
+/// The largest relative difference between the mean pitch of a calibrated table and the pitch that
+/// the scanner recorded.
 constexpr double kCalibratedPitchTolerance = 0.25;
 
 void require_positive(const std::optional<double>& value, const std::string& source,
@@ -69,10 +70,11 @@ double spacing_mm(const ProbeSampling& sampling, const RecordedFrames& recorded,
                      "'speed_of_sound_m_per_s'");
   constexpr double kMillimetresPerMetre = 1000.0;
   return kMillimetresPerMetre * *sampling.speed_of_sound_m_per_s /
-         (2.0 * *frequency);  // there and back
+         (2.0 * *frequency);  // the echo travels there and back
 }
 
-/// Thousandths of a degree, truncated as the scanner does; the allowance is for 0.731 * 1000.
+/// The angle in thousandths of a degree, truncated as the scanner does. The allowance absorbs
+/// rounding, such as that of 0.731 * 1000.
 int truncated_millidegrees(double angle_rad) {
   constexpr double kAllowance = 1e-6;
   return static_cast<int>(std::floor(1000.0 * degrees(angle_rad) + kAllowance));
@@ -101,7 +103,7 @@ double pitch_from_steps(const ProbeMotor& motor, const std::optional<int>& recor
     throw InputError(source,
                      "does not say how far frames are apart; the probe's configuration must have "
                      "'motor_steps_per_frame' or 'frame_angles_deg'");
-  // The recorded value lost its fraction, so the steps are this many or one more.
+  // The recorded value is truncated, so that the number of steps is this one or the next.
   const double lower = std::floor(*recorded / (1000.0 * degrees(step)));
   for (const double steps : {lower, lower + 1.0})
     if (steps >= 1.0 && truncated_millidegrees(steps * step) == *recorded) return steps * step;
@@ -129,7 +131,7 @@ std::vector<double> calibrated_angles(const ProbeMotor& motor, const RecordedFra
   return angles;
 }
 
-/// Array and sampling; the motion is left to the caller.
+/// The geometry without its motion, which the caller adds.
 ScanGeometry still_geometry(const ProbeConfig& probe, const RecordedFrames& recorded,
                             const std::string& source) {
   probe.validate(source + ": probe's configuration");
@@ -148,7 +150,7 @@ ScanGeometry still_geometry(const ProbeConfig& probe, const RecordedFrames& reco
 
 void ProbeConfig::validate(const std::string& source) const {
   validate_sampling(sampling, source);
-  // The rest is for the geometry to judge: two samples and two frames stand in for the data.
+  // ScanGeometry::validate checks the rest, with two samples and two frames in place of the data.
   ScanGeometry geometry;
   geometry.axial = {2, sampling.start_depth_mm, 1.0};
   geometry.array = array;

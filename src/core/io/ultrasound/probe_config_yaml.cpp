@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "io/bytes.h"
+#include "io/description.h"
 #include "io/yaml_keys.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
@@ -19,7 +20,7 @@ constexpr const char* kMotorised = "motorised_curvilinear";
 constexpr const char* kCurvilinear = "curvilinear";
 constexpr const char* kLinear = "linear";
 
-/// A table, or a number of lines with a pitch, in the file's unit.
+/// Reads the places of lines in the file's unit: a table, or a number of lines with a pitch.
 std::vector<double> read_lines(YamlKeys& keys, const std::string& table_key,
                                const std::string& pitch_key) {
   const bool has_table = keys.has(table_key);
@@ -166,7 +167,7 @@ void write_probe_config(const ProbeConfig& probe, const std::filesystem::path& p
   probe.validate(path.string());
   YamlText yaml;
   yaml.comment("Geometry of an ultrasound probe; millimetres and degrees.");
-  YAML::Emitter name;  // quotes and escapes what needs it
+  YAML::Emitter name;  // quotes and escapes special characters
   name << probe.name;
   yaml.line("name", name.c_str());
   yaml.line("kind", kind_of(probe));
@@ -174,6 +175,16 @@ void write_probe_config(const ProbeConfig& probe, const std::filesystem::path& p
   if (probe.motor) write_motor(*probe.motor, yaml);
   write_sampling(probe.sampling, yaml);
   io::write_text(path, yaml.text());
+}
+
+std::string describe_probe_config(const std::filesystem::path& path) {
+  const ProbeConfig probe = read_probe_config(path);
+  io::Json json;
+  json["name"] = probe.name;
+  json["lines"] = line_count(probe.array);
+  io::describe_array(probe.array, json);
+  if (probe.motor) json["motor_radius_mm"] = probe.motor->motor_radius_mm;
+  return io::as_text(json);
 }
 
 }  // namespace usct

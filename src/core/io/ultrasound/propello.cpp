@@ -1,15 +1,36 @@
 #include "us_ct_registration/io/ultrasound/propello.h"
 
+#include <cmath>
+
 #include "io/bytes.h"
+#include "io/description.h"
 #include "io/ultrasound/propello_format.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
+namespace {
+
+constexpr double kMillidegrees = 1000.0 / kDegree;
+
+/// The angle between frames. Throws InputError unless it is the same throughout the sweep.
+double even_pitch_rad(const std::vector<double>& angles_rad, const std::string& source) {
+  constexpr double kEvenMillidegrees = 0.5;
+  const double pitch =
+      (angles_rad.back() - angles_rad.front()) / static_cast<double>(angles_rad.size() - 1);
+  for (std::size_t i = 1; i < angles_rad.size(); ++i)
+    if (std::abs(angles_rad[i] - angles_rad[i - 1] - pitch) * kMillidegrees > kEvenMillidegrees)
+      throw InputError(source, "a .vol file holds one angle between frames, but step " +
+                                   std::to_string(i) + " of this sweep differs from the mean");
+  return pitch;
+}
+
+}  // namespace
 
 bool is_propello(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kPropelloHeaderBytes);
-    std::error_code error;  // then the size is one that fits no header
+    std::error_code error;  // on an error the size is the largest number, which fits no header
     const std::uintmax_t size = std::filesystem::file_size(path, error);
     io::parse_propello_header(prefix, size, path.string());
     return true;
@@ -48,6 +69,42 @@ PreScanVolume to_prescan(const PropelloVolumes& volumes, const ProbeConfig& prob
   const std::uint8_t* begin = volumes.voxels.data() + static_cast<std::size_t>(volume) * size;
   result.voxels.assign(begin, begin + size);
   return result;
+}
+
+UltrasoundInput read_propello_ultrasound(const UltrasoundSource& source) {
+  const ProbeConfig probe = read_probe_config(source.probe);
+  return {to_prescan(read_propello(source.path), probe, source.sweep, source.first_backward,
+                     source.path.string()),
+          {}};
+}
+
+void write_propello_beams(const PreScanVolume& volume, const std::filesystem::path& path) {
+  const auto* sweep = std::get_if<MotorSweep>(&volume.geometry.motion);
+  if (!sweep)
+    throw InputError(path.string(), "a .vol file holds motorised sweeps, not tracked ones");
+  const double pitch_rad = even_pitch_rad(sweep->frame_angles_rad, path.string());
+  PropelloVolumes volumes;
+  volumes.header.volumes = 1;
+  volumes.header.fpv = volume.geometry.frames();
+  volumes.header.w = volume.geometry.lines();
+  volumes.header.h = volume.geometry.samples();
+  volumes.header.ss = 8;
+  volumes.header.degPerFr = static_cast<std::int32_t>(std::abs(pitch_rad) * kMillidegrees);
+  volumes.voxels = volume.voxels;
+  write_propello(volumes, path);
+}
+
+std::string describe_propello(const std::filesystem::path& path) {
+  const PropelloVolumes volumes = read_propello(path);
+  const PropelloHeader& h = volumes.header;
+  io::Json json;
+  json["type"] = propello_type_name(h.type);
+  json["volumes"] = h.volumes;
+  json["w_h_frames"] = {h.w, h.h, h.fpv};
+  json["frame_pitch_deg"] = h.degPerFr / 1000.0;
+  json["warnings"] = io::Json::array();
+  io::describe_brightness(volumes.voxels, json);
+  return io::as_text(json);
 }
 
 }  // namespace usct

@@ -9,7 +9,7 @@ namespace {
 
 using Field = std::int32_t PropelloHeader::*;
 
-/// In the order of the file.
+/// The fields of the header in the order of the file.
 constexpr std::array<Field, 7> kFields = {
     &PropelloHeader::type, &PropelloHeader::volumes, &PropelloHeader::fpv,     &PropelloHeader::w,
     &PropelloHeader::h,    &PropelloHeader::ss,      &PropelloHeader::degPerFr};
@@ -29,7 +29,7 @@ std::string propello_type_name(std::int32_t type) {
 namespace usct::io {
 namespace {
 
-/// Throws unless the header is one that is read; the result is the number of voxels.
+/// Throws InputError unless files with this header are read. Returns the number of voxels.
 std::uint64_t check_header(const PropelloHeader& header, const std::string& source) {
   if (header.type != 0 && header.type != 1)
     throw InputError(source, "'type' is " + std::to_string(header.type) + ", " +

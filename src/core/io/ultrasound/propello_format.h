@@ -5,12 +5,13 @@
 #include "io/bytes.h"
 #include "us_ct_registration/io/ultrasound/propello.h"
 
-/// The format of propello.h in memory, without files (and therefore open to fuzzing).
+/// Parses and writes the format of propello.h in memory. No files are opened, so that the parser
+/// can be fuzzed.
 namespace usct::io {
 
 constexpr std::size_t kPropelloHeaderBytes = 28;  // 7 x int32
 
-/// The header, checked against the size of the whole file.
+/// Parses the header and checks it against the size of the whole file.
 PropelloHeader parse_propello_header(const Bytes& prefix, std::uint64_t file_size,
                                      const std::string& source);
 

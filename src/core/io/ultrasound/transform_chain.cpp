@@ -17,24 +17,24 @@ struct Link {
   bool valid;
 };
 
-/// "ProbeToTracker" links Probe and Tracker, both ways. A name with several "To" followed by a
-/// capital ("ToolToToTable") is taken at each of them: a wrong split leads to frames that do not
-/// exist.
+/// Adds the links of one transform: "ProbeToTracker" links Probe and Tracker in both directions. A
+/// name with several "To" before a capital ("ToolToToTable") is split at each of them; a wrong
+/// split does no harm, because it leads to coordinate frames that no other transform knows.
 void add_links(const std::string& name, const IgsioTransform& transform, std::vector<Link>& links) {
   for (std::size_t at = name.find("To", 1); at != std::string::npos; at = name.find("To", at + 1)) {
     const std::string from = name.substr(0, at);
     const std::string to = name.substr(at + 2);
     const bool starts_a_word = !to.empty() && (to[0] < 'a' || to[0] > 'z');
     if (!starts_a_word) continue;
-    // A singular matrix still leads forwards.
+    // A singular matrix is a link in one direction only.
     const bool invertible = transform.T.linear().determinant() != 0.0;
     links.push_back({name, from, to, transform.T, transform.valid()});
     if (invertible) links.push_back({name, to, from, transform.T.inverse(), transform.valid()});
   }
 }
 
-/// The fewest links from one frame to another; empty if there are none. `reached` gets every frame
-/// that was met.
+/// The shortest path of links from one coordinate frame to another; empty if there is none.
+/// Every coordinate frame that the search reaches is added to `reached`.
 std::vector<const Link*> shortest_path(const std::vector<Link>& links, const std::string& from,
                                        const std::string& to, bool only_valid,
                                        std::set<std::string>& reached) {

@@ -1,12 +1,19 @@
 #include "us_ct_registration/io/ultrasound/ultrasonix.h"
 
+#include <cmath>
+
 #include "io/bytes.h"
+#include "io/description.h"
 #include "io/ultrasound/ultrasonix_format.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {
 namespace {
 
+constexpr double kSpeedOfSoundMPerS = 1540.0;
+
+/// What the header says of the frames. The sampling frequency is taken only if the probe's
+/// configuration leaves the sample spacing open.
 RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                                const std::string& source) {
   const UltrasonixHeader& header = sequence.header;
@@ -20,7 +27,7 @@ RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeCo
   const ProbeSampling& sampling = probe.sampling;
   if (sampling.sample_spacing_mm || sampling.imaging_depth_mm || sampling.sampling_frequency_hz)
     return recorded;
-  // Some software leaves this field as it found it; such a value must not become a geometry.
+  // Some software does not set this field; a value that no scanner has must not become a geometry.
   constexpr std::int32_t kLowestHz = 100'000;
   constexpr std::int32_t kHighestHz = 100'000'000;
   if (header.sf < kLowestHz || header.sf > kHighestHz)
@@ -36,7 +43,7 @@ RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeCo
 bool is_ultrasonix(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kUltrasonixHeaderBytes);
-    std::error_code error;  // then the size is one that fits no header
+    std::error_code error;  // on an error the size is the largest number, which fits no header
     const std::uintmax_t size = std::filesystem::file_size(path, error);
     io::parse_ultrasonix_header(prefix, size, path.string());
     return true;
@@ -85,6 +92,42 @@ PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& 
       tracked_geometry(probe, recorded_frames(sequence, probe, source), sweep, source);
   volume.voxels = sequence.voxels;
   return volume;
+}
+
+UltrasoundInput read_ultrasonix_ultrasound(const UltrasoundSource& source) {
+  const ProbeConfig probe = read_probe_config(source.probe);
+  const SweepSelection selection{source.sweep, source.frames_per_sweep, source.first_backward};
+  return {to_prescan(read_ultrasonix(source.path), probe, selection, source.path.string()), {}};
+}
+
+void write_ultrasonix_beams(const PreScanVolume& volume, const std::filesystem::path& path) {
+  UltrasonixSequence sequence;
+  UltrasonixHeader& h = sequence.header;
+  h.type = kUltrasonixPreScanB;
+  h.frames = volume.geometry.frames();
+  h.w = volume.geometry.lines();
+  h.h = volume.geometry.samples();
+  h.ss = 8;
+  // The echo travels there and back: one sample is speed / (2 frequency) deep.
+  h.sf = static_cast<std::int32_t>(
+      std::lround(kSpeedOfSoundMPerS * 1000.0 / (2.0 * volume.geometry.axial.spacing_mm)));
+  sequence.voxels = volume.voxels;
+  write_ultrasonix(sequence, path);
+}
+
+std::string describe_ultrasonix(const std::filesystem::path& path) {
+  const UltrasonixSequence sequence = read_ultrasonix(path);
+  const UltrasonixHeader& h = sequence.header;
+  io::Json json;
+  json["type"] = ultrasonix_type_name(h.type);
+  json["w_h_frames"] = {h.w, h.h, h.frames};
+  json["transmit_frequency_hz"] = h.txf;
+  json["sampling_frequency_hz"] = h.sf;
+  json["frames_per_second"] = h.dr;
+  json["frame_tags"] = !sequence.frame_tags.empty();
+  json["warnings"] = io::Json::array();
+  io::describe_brightness(sequence.voxels, json);
+  return io::as_text(json);
 }
 
 }  // namespace usct

@@ -10,7 +10,7 @@ namespace {
 
 using Field = std::int32_t UltrasonixHeader::*;
 
-/// In the order of the file.
+/// The fields of the header in the order of the file.
 constexpr std::array<Field, 19> kFields = {
     &UltrasonixHeader::type, &UltrasonixHeader::frames, &UltrasonixHeader::w,
     &UltrasonixHeader::h,    &UltrasonixHeader::ss,     &UltrasonixHeader::ulx,
@@ -97,7 +97,7 @@ UltrasonixSequence parse_ultrasonix(Bytes bytes, const std::string& source) {
   const UltrasonixLayout layout = parse_ultrasonix_header(bytes, bytes.size(), source);
   UltrasonixSequence sequence;
   sequence.header = layout.header;
-  // Closes the gaps in place.
+  // The frames are moved together in place, over the tags between them.
   auto target = bytes.begin();
   std::size_t offset = kUltrasonixHeaderBytes;
   for (std::int32_t frame = 0; frame < layout.header.frames; ++frame) {

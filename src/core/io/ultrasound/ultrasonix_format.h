@@ -5,7 +5,8 @@
 #include "io/bytes.h"
 #include "us_ct_registration/io/ultrasound/ultrasonix.h"
 
-/// The format of ultrasonix.h in memory, without files (and therefore open to fuzzing).
+/// Parses and writes the format of ultrasonix.h in memory. No files are opened, so that the parser
+/// can be fuzzed.
 namespace usct::io {
 
 constexpr std::size_t kUltrasonixHeaderBytes = 76;  // 19 x int32

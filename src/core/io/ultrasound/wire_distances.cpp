@@ -18,7 +18,7 @@ struct Mean {
   int count = 0;
 };
 
-/// By volume and frame.
+/// Distances by volume, then by frame.
 using Distances = std::map<int, std::map<int, Mean>>;
 
 void read_line(std::string_view line, const std::string& where, const std::string& source,

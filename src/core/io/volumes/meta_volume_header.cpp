@@ -1,4 +1,4 @@
-// MetaImage, as ITK's MetaIO writes and reads it.
+// The header of MetaImage, as ITK's MetaIO writes and reads it.
 #include <map>
 
 #include "io/bytes.h"
@@ -52,7 +52,7 @@ MetaText read_text(const fs::path& path) {
   return result;
 }
 
-/// The spelling that is there of those that MetaIO knows; the first if there is none.
+/// MetaIO knows several names of some fields. Returns the one that the header uses, or the first.
 std::string spelling(const HeaderFields& fields, std::initializer_list<const char*> names) {
   for (const char* name : names)
     if (fields.find(name)) return name;
@@ -66,7 +66,7 @@ bool is_true(const HeaderFields& fields, const std::string& field) {
   fields.refuse(field, "True or False");
 }
 
-/// Fields that a reader of plain volumes may not pass over.
+/// Throws InputError if a field says that the file is no plain volume of scalars in millimetres.
 void check_is_plain_volume(const HeaderFields& fields) {
   const auto must_be = [&](const std::string& field, const std::string& value, bool required) {
     if (required || fields.find(field))
@@ -89,7 +89,7 @@ Grid read_grid(const HeaderFields& fields) {
   const std::vector<double> matrix = fields.require_doubles(matrix_field, 9);
   const std::vector<double> origin = fields.require_doubles(origin_field, 3);
   const std::vector<double> spacing = fields.require_doubles("ElementSpacing", 3);
-  // Three numbers per index axis: its direction in LPS.
+  // The matrix lists, for each index axis, the three components of its direction in LPS.
   const Eigen::Matrix3d direction = Eigen::Map<const Eigen::Matrix3d>(matrix.data());
   const Eigen::Vector3d spacing_mm = Eigen::Map<const Eigen::Vector3d>(spacing.data());
   if ((spacing_mm.array() <= 0.0).any()) fields.refuse("ElementSpacing", "> 0");

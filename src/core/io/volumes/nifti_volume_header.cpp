@@ -1,4 +1,4 @@
-// NIfTI-1, as nifti1.h defines it.
+// The header of NIfTI-1, as nifti1.h defines it.
 #include <zlib.h>
 
 #include <Eigen/Geometry>
@@ -25,7 +25,7 @@ constexpr int kNifti2HeaderBytes = 540;
 /// The magic ends the header; four bytes that announce extensions follow.
 constexpr std::size_t kLeastDataOffset = 352;
 constexpr double kLargestDataOffset = 2147483648.0;
-/// How far qform and sform may place a voxel apart, in voxels.
+/// How far apart qform and sform may place the same voxel, in voxels.
 constexpr double kFormTolerance = 0.1;
 
 constexpr std::pair<std::int16_t, Component> kDatatypes[] = {
@@ -34,12 +34,13 @@ constexpr std::pair<std::int16_t, Component> kDatatypes[] = {
     {512, Component::kUint16}, {768, Component::kUint32}, {1024, Component::kInt64},
     {1280, Component::kUint64}};
 
-/// The header with access by byte offset, in the order of bytes that it was written in.
+/// The header, with access by byte offset. Numbers are swapped if the file has the other byte
+/// order.
 class NiftiBytes {
  public:
   explicit NiftiBytes(const fs::path& path) : source_(path.string()), bytes_(kHeaderBytes, 0) {
-    read_prefix(path, 1);  // that it is a file, can be opened, and is not empty
-    // Reads files that are not compressed as well.
+    read_prefix(path, 1);  // throws unless it is a file that can be opened and is not empty
+    // zlib reads files that are not compressed as well.
     const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose);
     if (!file || gzread(file.get(), bytes_.data(), kHeaderBytes) != kHeaderBytes)
       throw InputError(source_, "header ends early or is damaged, must have 348 bytes");
@@ -57,7 +58,7 @@ class NiftiBytes {
 
   const std::string& source() const { return source_; }
   bool gzipped() const { return gzipped_; }
-  bool big_endian() const { return swapped_; }  // this machine is little-endian
+  bool big_endian() const { return swapped_; }  // the program runs on little-endian machines only
 
   template <typename T>
   T get(std::size_t offset) const {
@@ -121,7 +122,7 @@ std::int16_t datatype_code(Component component) {
   throw std::logic_error("component type without a NIfTI code");
 }
 
-/// What one unit of the header's positions is in millimetres.
+/// The header's unit of length in millimetres.
 double read_unit_mm(const NiftiBytes& file, std::vector<std::string>& warnings) {
   switch (const int unit = file.get<std::uint8_t>(123) & 7) {
     case 0:
@@ -139,7 +140,7 @@ double read_unit_mm(const NiftiBytes& file, std::vector<std::string>& warnings) 
   }
 }
 
-/// Index to position, in the file's own unit and axes (RAS).
+/// The map from index to position, in the file's own unit and axes (RAS).
 struct Form {
   Eigen::Matrix3d axes;
   Eigen::Vector3d origin;
@@ -156,13 +157,14 @@ Form read_sform(const NiftiBytes& file) {
   return form;
 }
 
-/// Method 2 of nifti1.h: the quaternion's real part follows from its length of 1.
+/// Reads the qform (method 2 of nifti1.h). The header lacks the real part of the quaternion, which
+/// follows from its length of 1.
 Form read_qform(const NiftiBytes& file) {
   const Eigen::Vector3d bcd(file.number(256, "quatern_b"), file.number(260, "quatern_c"),
                             file.number(264, "quatern_d"));
   const Eigen::Vector3d spacing(file.number(80, "pixdim[1]"), file.number(84, "pixdim[2]"),
                                 file.number(88, "pixdim[3]"));
-  constexpr double kRounding = 1e-5;  // of three 32-bit numbers
+  constexpr double kRounding = 1e-5;  // rounding of three 32-bit numbers
   if (bcd.squaredNorm() > 1.0 + kRounding)
     throw InputError(file.source(),
                      "'quatern_b/c/d' are " + format(bcd) + ", must have a length <= 1");
@@ -204,7 +206,8 @@ Form read_form(const NiftiBytes& file, const Eigen::Vector3i& size) {
                      "'qform_code' and 'sform_code' are both 0, so the orientation "
                      "is not known; one must be > 0");
   if (!has_sform) return read_qform(file);
-  // The sform holds the axes themselves; the quaternion of 32-bit numbers is less exact.
+  // The sform is preferred: it holds the axes themselves, and the quaternion of 32-bit numbers is
+  // less exact.
   const Form sform = read_sform(file);
   if (has_qform) check_forms_agree(file, read_qform(file), sform, size);
   return sform;
@@ -212,7 +215,7 @@ Form read_form(const NiftiBytes& file, const Eigen::Vector3i& size) {
 
 void read_scaling(const NiftiBytes& file, VolumeHeader& header) {
   const double slope = file.number(112, "scl_slope");
-  if (slope == 0.0) return;  // nifti1.h: then the values are as stored
+  if (slope == 0.0) return;  // nifti1.h: a slope of 0 means that values are not scaled
   header.scale = slope;
   header.offset = file.number(116, "scl_inter");
 }

@@ -9,7 +9,7 @@
 namespace usct::io {
 namespace {
 
-/// Gives out lines, without their line ends.
+/// Splits bytes into lines, without their line ends.
 class LineReader {
  public:
   explicit LineReader(const Bytes& bytes)

@@ -1,4 +1,5 @@
-// NRRD, as http://teem.sourceforge.net/nrrd/format.html defines it, as far as volumes need it.
+// The header of NRRD volumes: the part of http://teem.sourceforge.net/nrrd/format.html that scalar
+// volumes with an orientation need.
 #include <algorithm>
 #include <cctype>
 #include <map>
@@ -62,7 +63,7 @@ const std::map<std::string, Component>& component_names() {
   return names;
 }
 
-/// In the spelling that every reader knows.
+/// The name of a type in the spelling that every reader knows.
 const char* nrrd_name(Component component) {
   switch (component) {
     case Component::kFloat32:
@@ -92,7 +93,7 @@ Eigen::Matrix3Xd vectors(const HeaderFields& fields, const std::string& field, i
   return Eigen::Map<const Eigen::Matrix3Xd>(values.data(), 3, count);
 }
 
-/// What turns coordinates of the file's space into LPS.
+/// The signs that turn coordinates of the file's space into LPS.
 Eigen::Vector3d signs_to_lps(const HeaderFields& fields) {
   const std::string space = lower_case(fields.require("space"));
   if (space == "left-posterior-superior" || space == "lps") return {1, 1, 1};
@@ -144,7 +145,7 @@ bool read_big_endian(const HeaderFields& fields, Component component) {
   return endian == "big";
 }
 
-/// Where a field has two spellings.
+/// The spelling that the header uses of a field with two spellings.
 std::string spelling(const HeaderFields& fields, const std::string& one, const std::string& other) {
   return fields.find(other) ? other : one;
 }

@@ -11,11 +11,12 @@
 namespace usct::io {
 namespace {
 
-/// No deflate stream grows by more (zlib's technical notes).
+/// The largest compression ratio of deflate (zlib's technical notes).
 constexpr double kDeflateLargestRatio = 1032.0;
-/// As in Grid::validate: more is shear, less is rounding of decimal or 32-bit numbers.
+/// The tolerance of Grid::validate: a larger deviation is shear, a smaller one is rounding of
+/// decimal or 32-bit numbers.
 constexpr double kPerpendicularTolerance = 1e-4;
-/// Below this the axes stay exactly as they are written.
+/// Axes that deviate by less than this are kept exactly as they are written.
 constexpr double kExactTolerance = 1e-12;
 
 constexpr struct {
@@ -24,7 +25,7 @@ constexpr struct {
 } kComponents[] = {{"int8", 1},   {"uint8", 1}, {"int16", 2},  {"uint16", 2},  {"int32", 4},
                    {"uint32", 4}, {"int64", 8}, {"uint64", 8}, {"float32", 4}, {"float64", 8}};
 
-/// A whole number, in all its digits unless it is absurd.
+/// A size for messages: all its digits, unless it is too large for a whole number.
 std::string count_text(double count) {
   return count < 1e15 ? std::to_string(static_cast<std::uintmax_t>(count)) : format(count);
 }
@@ -66,7 +67,7 @@ Grid grid_from_axes(const std::string& source, const std::string& field,
 
 std::uintmax_t data_file_bytes(const std::string& source, const std::filesystem::path& data_file) {
   try {
-    read_prefix(data_file, 1);  // that it is a file, can be opened, and is not empty
+    read_prefix(data_file, 1);  // throws unless it is a file that can be opened and is not empty
   } catch (const InputError& error) {
     if (data_file == source) throw;
     throw InputError(source, "its data file '" + error.source() + "' " + error.violation());

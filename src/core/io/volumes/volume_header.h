@@ -31,13 +31,13 @@ std::size_t bytes_of(Component component);
 
 enum class Encoding { kRaw, kZlib, kGzip };
 
-/// What a volume's header says, whatever its format, and where its voxels are.
+/// The content of a volume's header, in terms that all formats share, and where its voxels are.
 struct VolumeHeader {
   std::string format;
   Grid grid;
   Component component = Component::kUint8;
   bool big_endian = false;
-  /// A voxel is worth stored * scale + offset.
+  /// The value of a voxel is stored * scale + offset.
   double scale = 1.0;
   double offset = 0.0;
   std::vector<std::string> warnings;
@@ -49,20 +49,20 @@ struct VolumeHeader {
   /// Bytes of the decompressed stream before the first voxel.
   std::uintmax_t skip = 0;
 
-  /// Of the voxels as stored, uncompressed.
+  /// Size of the voxels as stored, uncompressed.
   std::uintmax_t voxel_bytes() const {
     return static_cast<std::uintmax_t>(grid.voxel_count()) * bytes_of(component);
   }
 };
 
-/// Each reads one format's header and checks all that can be checked without the voxels, that the
-/// voxels can be in the data file included. Throw InputError.
+/// Each of these reads the header of one format, and checks everything that can be checked without
+/// reading voxels; among it that the data file is large enough. Throw InputError.
 VolumeHeader read_nrrd_header(const std::filesystem::path& path);
 VolumeHeader read_meta_header(const std::filesystem::path& path);
 VolumeHeader read_nifti_header(const std::filesystem::path& path);
 
-/// The header before the voxels (little-endian, not compressed), as each format has it.
-/// `data_file` of MetaImage is LOCAL where the voxels follow.
+/// Each of these makes the header of one format, for voxels that are little-endian and not
+/// compressed. `data_file` of MetaImage is LOCAL if the voxels follow the header.
 Bytes nrrd_header(const Grid& grid, Component component);
 Bytes meta_header(const Grid& grid, Component component, const std::string& data_file);
 /// Throws InputError, naming `source`, for more voxels along an axis than NIfTI can state.
@@ -79,8 +79,9 @@ Grid grid_from_axes(const std::string& source, const std::string& field,
 /// file, if it is missing, cannot be read, or is empty.
 std::uintmax_t data_file_bytes(const std::string& source, const std::filesystem::path& data_file);
 
-/// Throws InputError unless the voxels that the header announces can be in the data file: exactly
-/// so if raw, within what deflate can reach if compressed. `field` is where the size is stated.
+/// Throws InputError unless the data file can hold the voxels that the header announces: raw voxels
+/// must fill it exactly, compressed ones must lie within the largest ratio of deflate. `field`
+/// names the field that states the size.
 void check_data_size(const std::string& source, const std::string& field,
                      const VolumeHeader& header);
 

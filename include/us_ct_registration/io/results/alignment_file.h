@@ -1,0 +1,17 @@
+#pragma once
+
+#include <filesystem>
+
+#include "us_ct_registration/registration/alignment_decisions.h"
+
+namespace usct {
+
+/// Reads the alignment that was kept over a restart: JSON, whose keys docs/nodes/tf_publisher.md
+/// has. Empty if there is no such file. Throws InputError, naming the file, if it is cut off, was
+/// changed by hand (it holds a checksum of its content), or has no rigid transform.
+StoredAlignment read_alignment(const std::filesystem::path& path);
+
+/// Writes atomically. Throws InputError if the folder does not exist or cannot be written to.
+void write_alignment(const StoredAlignment& stored, const std::filesystem::path& path);
+
+}  // namespace usct

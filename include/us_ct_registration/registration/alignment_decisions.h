@@ -1,0 +1,162 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <limits>
+#include <optional>
+#include <string>
+
+/// Decisions about which registration counts as the alignment of the CT with the patient: results
+/// are offered, accepted, rejected and reverted. Times are nanoseconds since 1970.
+namespace usct {
+
+/// A pose in metres with a quaternion, unlike poses in the rest of the core. It is copied from a
+/// result to the alignment's file and to the robot's transforms, which use these units, and must
+/// keep every bit. Until it is set all numbers are 0, which is no valid rotation.
+struct MetricPose {
+  Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond rotation{0.0, 0.0, 0.0, 0.0};
+
+  bool operator==(const MetricPose& other) const;
+  /// Throws InputError, naming `source`, unless the pose is a rigid transform.
+  void validate(const std::string& source) const;
+};
+
+/// Pose of the CT in a frame that stays with the patient.
+struct Alignment {
+  /// Names of the frame that stays with the patient and of the CT's frame.
+  std::string fixed_frame;
+  std::string ct_frame;
+  /// `p_fixed = T_fixed_ct * p_ct`.
+  MetricPose T_fixed_ct;
+  /// Number of the registration's result; 0 if the alignment was restored.
+  std::uint32_t result_id = 0;
+  /// Checksum of the voxels of the CT for which the alignment holds; 0 if unknown.
+  std::uint32_t ct_crc32 = 0;
+  /// Acquisition time of the ultrasound.
+  std::int64_t us_stamp_ns = 0;
+  std::int64_t accepted_ns = 0;
+  /// NaN if unknown.
+  double expected_error_m = std::numeric_limits<double>::quiet_NaN();
+  /// Whether it was accepted before the program was started: the patient may have moved since.
+  bool restored = false;
+
+  /// Two errors that are unknown count as equal.
+  bool operator==(const Alignment& other) const;
+};
+
+/// A registration's result that is offered for a decision.
+struct OfferedResult {
+  /// The alignment that counts once it is accepted; `result_id` is the result's number.
+  Alignment alignment;
+  bool registered = false;
+  /// The reason why the result is no registration, in words.
+  std::string message;
+  /// Checksum of the whole result: a result that is sent again has the same digest.
+  std::uint32_t digest = 0;
+};
+
+/// The state on disk: the alignment in force and the result that was decided last.
+struct StoredAlignment {
+  std::optional<Alignment> alignment;
+  /// Digest of the last result that was accepted or rejected; 0: none. A result is sent again after
+  /// a restart or a lost connection, and must not undo what was decided.
+  std::uint32_t decided = 0;
+
+  bool operator==(const StoredAlignment& other) const {
+    return alignment == other.alignment && decided == other.decided;
+  }
+};
+
+/// Answer to a request. Any code but kDone means that nothing changed.
+struct DecisionAnswer {
+  enum class Code {
+    kDone,
+    kNotRegistered,    // the offered result is no registration
+    kInvalidResult,    // names or numbers that must not be broadcast
+    kInvalidRequest,   // another result waits, or the options forbid it
+    kNothingToDecide,  // no result waits, or it was decided already
+  };
+  Code code = Code::kNothingToDecide;
+  /// The answer in words, for people.
+  std::string message;
+
+  bool is_done() const { return code == Code::kDone; }
+};
+
+/// The state that is to be broadcast.
+struct AlignmentState {
+  /// The alignment to broadcast; empty if there is none.
+  std::optional<Alignment> broadcast;
+  /// The alignment that is broadcast, or the reason why there is none, in words.
+  std::string message;
+  /// Number of the result that waits for accept or reject; 0: none.
+  std::uint32_t waiting_id = 0;
+};
+
+/// Decides which alignment counts. It knows no clock and no disk; it is a plain value, so that a
+/// change can be tried on a copy.
+///
+/// The CT's frame has one parent only: while an alignment counts, a result with another fixed frame
+/// is refused. An alignment belongs to a CT (by the checksum of its voxels) and is not in force
+/// while another CT is held.
+class AlignmentDecisions {
+ public:
+  /// Number of earlier alignments to which `revert` can return.
+  static constexpr std::size_t kHistory = 10;
+
+  struct Options {
+    /// Results with another fixed frame are refused. If empty, any is taken until one counts.
+    std::string fixed_frame;
+    /// Whether results are accepted without a person.
+    bool accept_at_once = false;
+    /// Whether an alignment from before the restart counts as soon as its CT is held; else it
+    /// counts only once a person accepts it.
+    bool restore_at_once = true;
+  };
+
+  explicit AlignmentDecisions(const Options& options) : options_(options) {}
+
+  /// Must be called before anything else. kInvalidRequest if the fixed frame is not the one of the
+  /// options.
+  DecisionAnswer restore(const StoredAlignment& stored);
+  /// Sets the checksum of the CT that is held now; 0 if unknown.
+  void hold_ct(std::uint32_t ct_crc32) { held_ct_ = ct_crc32; }
+
+  /// kDone: the result is accepted, or waits for a decision. Otherwise kNotRegistered,
+  /// kInvalidResult, or kNothingToDecide if this very result was decided last.
+  DecisionAnswer offer(const OfferedResult& result, std::int64_t now_ns);
+  /// Accepts the result with this number; 0 accepts the one that waits or, if none does, the
+  /// alignment from before the restart.
+  DecisionAnswer accept(std::uint32_t result_id, std::int64_t now_ns);
+  DecisionAnswer reject(std::uint32_t result_id);
+  /// Returns to the previous alignment, or to none.
+  DecisionAnswer revert();
+
+  AlignmentState state() const;
+  StoredAlignment stored() const { return {current_, decided_}; }
+  /// Number of alignments that `revert` can go back to.
+  std::size_t history() const { return history_.size(); }
+
+ private:
+  bool restored_waits() const;
+  bool is_held(std::uint32_t ct_crc32) const;
+  bool is_other_than_held(std::uint32_t ct_crc32) const;
+  DecisionAnswer wrong_id(std::uint32_t result_id, const std::string& verb) const;
+  std::string violation(const Alignment& alignment) const;
+  DecisionAnswer accept_waiting(std::int64_t now_ns);
+  DecisionAnswer accept_restored();
+
+  Options options_;
+  std::uint32_t held_ct_ = 0;
+  std::optional<Alignment> current_;
+  /// Whether a person confirmed that the alignment from before the restart holds.
+  bool restored_is_confirmed_ = false;
+  std::optional<OfferedResult> waiting_;
+  std::deque<Alignment> history_;
+  std::uint32_t decided_ = 0;
+};
+
+}  // namespace usct

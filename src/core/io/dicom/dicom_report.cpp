@@ -1,0 +1,165 @@
+#include "io/dicom/dicom_report.h"
+
+#include <algorithm>
+
+#include "io/description.h"
+#include "io/format.h"
+#include "text.h"
+
+namespace usct::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Greatest number of files that a message names.
+constexpr std::size_t kNamed = 4;
+
+std::string file_name(const DicomFile& file) { return file.path.filename().string(); }
+
+/// The names of the first few items: "a, b, c, ...".
+template <typename Item, typename Name>
+std::string listed(const std::vector<Item>& items, const Name& name) {
+  std::string out;
+  for (std::size_t i = 0; i < std::min(items.size(), kNamed); ++i)
+    out += (i > 0 ? ", " : "") + name(items[i]);
+  return items.size() > kNamed ? out + ", ..." : out;
+}
+
+std::string uid_text(const std::string& uid) {
+  return uid.empty() ? "(no SeriesInstanceUID)" : in_quotes(uid).substr(1, uid.size());
+}
+
+/// Why the series would be refused, or what would have to be resampled.
+std::vector<std::string> problems_of(const Series& series, const std::vector<Slice>& slices,
+                                     const SliceStack& stacked) {
+  std::vector<std::string> problems;
+  for (const DicomFile* file : series.images)
+    if (!file->problem.empty()) problems.push_back(file_name(*file) + ": " + file->problem);
+  if (!problems.empty()) return problems;
+  problems = stacked.fatal;
+  problems.insert(problems.end(), stacked.irregular.begin(), stacked.irregular.end());
+  const std::vector<std::string> duplicates =
+      for_each_duplicate(slices, stacked, [](const std::string& kept, const std::string& other) {
+        return "slices at one place: '" + kept + "' and '" + other + "'";
+      });
+  problems.insert(problems.end(), duplicates.begin(), duplicates.end());
+  return problems;
+}
+
+}  // namespace
+
+DicomSeries summarise(const Series& series) {
+  DicomSeries out;
+  const DicomFile& first = series.first();
+  out.series_uid = first.series_uid;
+  out.modality = first.modality;
+  out.frame_of_reference_uid = first.frame_of_reference_uid;
+  out.transfer_syntax_uid = first.transfer_syntax_uid;
+  out.series_number = first.series_number;
+  out.first_file = first.path;
+  out.files = static_cast<int>(series.images.size() + series.others.size());
+  out.is_ct = series.is_ct();
+  if (!out.is_ct) return out;
+  const DicomReadOptions defaults;
+  const std::vector<Slice> slices = slices_of(series, defaults);
+  const SliceStack stacked = stack_of(slices, defaults.position_tolerance);
+  out.problems = problems_of(series, slices, stacked);
+  out.slices = static_cast<int>(slices.size());
+  if (slices.empty()) return out;
+  const SlicePose& pose = slices.front().info().pose;
+  out.columns = pose.size.x();
+  out.rows = pose.size.y();
+  out.axes = pose.axes;
+  out.spacing_mm << pose.spacing_mm, stacked.spacing_mm;
+  return out;
+}
+
+std::string list_series(const std::vector<Series>& all) {
+  std::string out;
+  for (const Series& series : all) {
+    const DicomSeries d = summarise(series);
+    out += "\n  " + uid_text(d.series_uid) + ": " + d.modality + ", ";
+    if (d.series_number) out += "series number " + std::to_string(*d.series_number) + ", ";
+    if (d.is_ct)
+      out += std::to_string(d.slices) + " slices of " + std::to_string(d.columns) + " x " +
+             std::to_string(d.rows) + ", spacing " + format(d.spacing_mm) + " mm";
+    else
+      out += std::to_string(d.files) + " files";
+    if (!d.problems.empty()) out += " (" + d.problems.front() + ")";
+  }
+  return out;
+}
+
+std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
+                                     const Series& chosen) {
+  std::vector<std::string> warnings;
+  for (const Series& series : all)
+    if (&series != &chosen)
+      warnings.push_back("passed over: series " + uid_text(series.first().series_uid) +
+                         " of modality " + series.first().modality + " (" +
+                         std::to_string(series.images.size() + series.others.size()) + " files)");
+  if (!chosen.others.empty())
+    warnings.push_back("passed over: " + std::to_string(chosen.others.size()) +
+                       " files of the series that are no CT images (" +
+                       listed(chosen.others, [](const DicomFile* f) { return file_name(*f); }) +
+                       ")");
+  std::vector<std::string> localizers;
+  for (const DicomFile* file : chosen.images)
+    for (const DicomFrame& frame : file->images.frames)
+      if (frame.localizer) localizers.push_back(frame.pose.name);
+  if (!localizers.empty())
+    warnings.push_back("passed over: " + std::to_string(localizers.size()) + " localizers (" +
+                       listed(localizers, [](const std::string& name) { return name; }) + ")");
+  if (!scan.not_dicom.empty())
+    warnings.push_back(
+        "passed over: " + std::to_string(scan.not_dicom.size()) + " files that are not DICOM (" +
+        listed(scan.not_dicom, [](const fs::path& p) { return p.filename().string(); }) + ")");
+  for (const std::string& warning : chosen.first().images.warnings)
+    warnings.push_back(file_name(chosen.first()) + ": " + warning);
+  if (chosen.first().series_uid.empty())
+    warnings.push_back("'SeriesInstanceUID' is empty: files without one are taken as one series");
+  return warnings;
+}
+
+}  // namespace usct::io
+
+namespace usct {
+namespace {
+
+using io::Json;
+
+/// A series without problems is read, so that its range is known and damage to its pixels shows.
+void describe_voxels(const std::filesystem::path& path, const DicomSeries& series, Json& json) {
+  DicomReadOptions options;
+  options.series_uid = series.series_uid;
+  const LoadedCt ct = read_dicom_ct(path, options);
+  json["warnings"] = ct.warnings;
+  io::describe_range(ct.volume.voxels, json);
+}
+
+}  // namespace
+
+std::string describe_dicom(const std::filesystem::path& path) {
+  Json json;
+  json["series"] = Json::array();
+  for (const DicomSeries& series : find_dicom_series(path)) {
+    Json entry;
+    entry["series_uid"] = series.series_uid;
+    entry["modality"] = series.modality;
+    entry["files"] = series.files;
+    if (series.is_ct) {
+      entry["size"] = {series.columns, series.rows, series.slices};
+      entry["spacing_mm"] = io::list(series.spacing_mm);
+      entry["columns_run_to"] = io::list(series.axes.col(0));
+      entry["rows_run_to"] = io::list(series.axes.col(1));
+      entry["frame_of_reference_uid"] = series.frame_of_reference_uid;
+      entry["transfer_syntax_uid"] = series.transfer_syntax_uid;
+      entry["problems"] = series.problems;
+      if (series.problems.empty()) describe_voxels(path, series, entry);
+    }
+    json["series"].push_back(entry);
+  }
+  return io::as_text(json);
+}
+
+}  // namespace usct

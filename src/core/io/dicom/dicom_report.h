@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "io/dicom/dicom_series.h"
+
+/// What messages and `usct info` say of the series in a scan. File names, UIDs and geometry only:
+/// nothing that identifies a patient.
+namespace usct::io {
+
+DicomSeries summarise(const Series& series);
+
+/// One line per series, for a message that asks for a choice.
+std::string list_series(const std::vector<Series>& all);
+
+/// What was passed over or is unusual when `chosen` is read.
+std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
+                                     const Series& chosen);
+
+/// One text for each slice at the same place as one of the stack's order: `text(kept, other)`.
+template <typename Text>
+std::vector<std::string> for_each_duplicate(const std::vector<Slice>& slices,
+                                            const SliceStack& stack, const Text& text) {
+  std::vector<std::string> texts;
+  for (std::size_t k = 0; k < stack.order.size(); ++k)
+    for (const int i : stack.duplicates[k])
+      texts.push_back(text(slices[static_cast<std::size_t>(stack.order[k])].info().pose.name,
+                           slices[static_cast<std::size_t>(i)].info().pose.name));
+  return texts;
+}
+
+}  // namespace usct::io

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "io/dicom/dicom_file.h"
+#include "io/dicom/slice_stack.h"
+#include "us_ct_registration/io/dicom/dicom.h"
+
+/// From a folder of files to the slices of one series.
+namespace usct::io {
+
+/// The files that a path stands for.
+struct DicomScan {
+  /// In the order of their paths.
+  std::vector<DicomFile> files;
+  std::vector<std::filesystem::path> not_dicom;
+};
+
+/// The files of a folder with all its subfolders; or, for a file, those of its series in its own
+/// folder. Throws InputError if the path cannot be read, is no DICOM file, or is a folder without
+/// one.
+DicomScan scan_dicom(const std::filesystem::path& path);
+
+/// The files of one series in a scan, which must outlive it. At least one of the lists has a file.
+struct Series {
+  /// Files with slices.
+  std::vector<const DicomFile*> images;
+  /// Reports, captures and images of other modalities.
+  std::vector<const DicomFile*> others;
+
+  const DicomFile& first() const { return images.empty() ? *others.front() : *images.front(); }
+  bool is_ct() const { return !images.empty(); }
+};
+
+/// By series number (series without one come first), then UID.
+std::vector<Series> group_by_series(const DicomScan& scan);
+
+/// The series that the options choose. Throws InputError, listing all series, unless exactly one
+/// series of CT matches.
+const Series& choose_series(const std::filesystem::path& path, const std::vector<Series>& all,
+                            const DicomReadOptions& options);
+
+/// One frame of a file.
+struct Slice {
+  const DicomFile* file;
+  std::size_t frame;
+
+  const DicomFrame& info() const { return file->images.frames[frame]; }
+};
+
+/// The slices of a series without its localizers; only those of the chosen acquisition, if the
+/// options choose one.
+std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& options);
+
+std::vector<SlicePose> poses_of(const std::vector<Slice>& slices);
+
+/// Slices that differ in their frame of reference form no stack, in addition to what
+/// `stack_slices` says.
+SliceStack stack_of(const std::vector<Slice>& slices, double tolerance);
+
+}  // namespace usct::io

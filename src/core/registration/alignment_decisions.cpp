@@ -1,0 +1,194 @@
+#include "us_ct_registration/registration/alignment_decisions.h"
+
+#include <cmath>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/rigid.h"
+
+namespace usct {
+namespace {
+
+using Code = DecisionAnswer::Code;
+
+std::string named(std::uint32_t result_id) { return "result " + std::to_string(result_id); }
+
+std::string named(const Alignment& alignment) {
+  return alignment.restored ? "the alignment from before the restart" : named(alignment.result_id);
+}
+
+/// Names with a leading slash would be refused at each broadcast.
+bool is_frame_name(const std::string& name) { return !name.empty() && name.front() != '/'; }
+
+bool same_or_unknown(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+}  // namespace
+
+bool MetricPose::operator==(const MetricPose& other) const {
+  return translation_m == other.translation_m && rotation.coeffs() == other.rotation.coeffs();
+}
+
+void MetricPose::validate(const std::string& source) const {
+  rigid_from_quaternion(rotation, translation_m, source);
+}
+
+bool Alignment::operator==(const Alignment& other) const {
+  return fixed_frame == other.fixed_frame && ct_frame == other.ct_frame &&
+         T_fixed_ct == other.T_fixed_ct && result_id == other.result_id &&
+         ct_crc32 == other.ct_crc32 && us_stamp_ns == other.us_stamp_ns &&
+         accepted_ns == other.accepted_ns && restored == other.restored &&
+         same_or_unknown(expected_error_m, other.expected_error_m);
+}
+
+DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored) {
+  decided_ = stored.decided;
+  if (!stored.alignment) return {Code::kDone, "no alignment to restore"};
+  const std::string& fixed_frame = stored.alignment->fixed_frame;
+  if (!options_.fixed_frame.empty() && fixed_frame != options_.fixed_frame)
+    return {Code::kInvalidRequest, "the fixed frame of the stored alignment is '" + fixed_frame +
+                                       "', must be '" + options_.fixed_frame +
+                                       "'; it is not restored"};
+  current_ = stored.alignment;
+  current_->restored = true;
+  current_->result_id = 0;
+  return {Code::kDone, "restored"};
+}
+
+std::string AlignmentDecisions::violation(const Alignment& alignment) const {
+  if (alignment.result_id == 0) return "its 'id' is 0, must be >= 1";
+  if (!is_frame_name(alignment.fixed_frame))
+    return "its 'fixed_frame' is '" + alignment.fixed_frame +
+           "', must be a frame without leading /";
+  if (!is_frame_name(alignment.ct_frame))
+    return "its 'ct_frame' is '" + alignment.ct_frame + "', must be a frame without leading /";
+  if (alignment.fixed_frame == alignment.ct_frame)
+    return "its fixed frame and its CT frame are both '" + alignment.ct_frame + "'";
+  if (!options_.fixed_frame.empty() && alignment.fixed_frame != options_.fixed_frame)
+    return "its fixed frame is '" + alignment.fixed_frame + "', must be '" + options_.fixed_frame +
+           "', as parameter fixed_frame says";
+  if (is_other_than_held(alignment.ct_crc32))
+    return "it is of another CT than the one that is held";
+  if (current_ && !restored_waits() && alignment.fixed_frame != current_->fixed_frame)
+    return "its fixed frame is '" + alignment.fixed_frame + "', but the CT hangs on '" +
+           current_->fixed_frame + "' by " + named(*current_) +
+           ", and a frame has one parent; revert to none first";
+  try {
+    alignment.T_fixed_ct.validate("'fixed_transform'");
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+DecisionAnswer AlignmentDecisions::offer(const OfferedResult& result, std::int64_t now_ns) {
+  const std::string name = named(result.alignment.result_id);
+  if (!result.registered)
+    return {Code::kNotRegistered, name + " is no registration: " + result.message};
+  if (result.digest == decided_)
+    return {Code::kNothingToDecide, name + " was decided already and came again"};
+  if (const std::string wrong = violation(result.alignment); !wrong.empty())
+    return {Code::kInvalidResult, name + " is refused: " + wrong};
+  waiting_ = result;
+  if (options_.accept_at_once) return accept_waiting(now_ns);
+  return {Code::kDone, name + " waits for accept or reject"};
+}
+
+DecisionAnswer AlignmentDecisions::accept_waiting(std::int64_t now_ns) {
+  // An alignment that never counted is no state to revert to.
+  if (current_ && !restored_waits()) history_.push_back(*current_);
+  if (history_.size() > kHistory) history_.pop_front();
+  current_ = waiting_->alignment;
+  current_->accepted_ns = now_ns;
+  decided_ = waiting_->digest;
+  waiting_.reset();
+  return {Code::kDone, named(*current_) + " is accepted"};
+}
+
+DecisionAnswer AlignmentDecisions::wrong_id(std::uint32_t result_id,
+                                            const std::string& verb) const {
+  const std::string asked = named(result_id) + " cannot be " + verb + ": ";
+  if (waiting_)
+    return {Code::kInvalidRequest, asked + named(waiting_->alignment.result_id) + " waits"};
+  if (current_ && current_->result_id == result_id)
+    return {Code::kNothingToDecide, asked + "it is accepted already"};
+  return {Code::kNothingToDecide, asked + "no result waits"};
+}
+
+DecisionAnswer AlignmentDecisions::accept(std::uint32_t result_id, std::int64_t now_ns) {
+  if (waiting_ && (result_id == 0 || result_id == waiting_->alignment.result_id)) {
+    // The CT that is held, or the parent of its frame, may have changed since the result came.
+    if (const std::string wrong = violation(waiting_->alignment); !wrong.empty())
+      return {Code::kInvalidRequest,
+              named(waiting_->alignment.result_id) + " cannot be accepted: " + wrong};
+    return accept_waiting(now_ns);
+  }
+  if (result_id == 0 && restored_waits()) return accept_restored();
+  if (result_id != 0) return wrong_id(result_id, "accepted");
+  return {Code::kNothingToDecide, "no result waits for a decision"};
+}
+
+DecisionAnswer AlignmentDecisions::accept_restored() {
+  if (is_other_than_held(current_->ct_crc32))
+    return {Code::kInvalidRequest, named(*current_) +
+                                       " cannot be accepted: it is of another CT than the one "
+                                       "that is held"};
+  restored_is_confirmed_ = true;
+  return {Code::kDone, named(*current_) + " is accepted"};
+}
+
+DecisionAnswer AlignmentDecisions::reject(std::uint32_t result_id) {
+  if (waiting_ && (result_id == 0 || result_id == waiting_->alignment.result_id)) {
+    const std::string name = named(waiting_->alignment.result_id);
+    decided_ = waiting_->digest;
+    waiting_.reset();
+    return {Code::kDone, name + " is rejected"};
+  }
+  if (result_id == 0 && restored_waits()) {
+    const std::string name = named(*current_);
+    current_.reset();
+    return {Code::kDone, name + " is rejected"};
+  }
+  if (result_id != 0) return wrong_id(result_id, "rejected");
+  return {Code::kNothingToDecide, "no result waits for a decision"};
+}
+
+DecisionAnswer AlignmentDecisions::revert() {
+  if (!current_) return {Code::kNothingToDecide, "no alignment is accepted"};
+  const std::string left = named(*current_) + " is given up: ";
+  current_.reset();
+  if (history_.empty()) return {Code::kDone, left + "nothing is broadcast any more"};
+  current_ = history_.back();
+  history_.pop_back();
+  return {Code::kDone, left + "back to " + named(*current_)};
+}
+
+bool AlignmentDecisions::is_held(std::uint32_t ct_crc32) const {
+  return held_ct_ != 0 && ct_crc32 == held_ct_;
+}
+
+bool AlignmentDecisions::is_other_than_held(std::uint32_t ct_crc32) const {
+  return held_ct_ != 0 && ct_crc32 != 0 && ct_crc32 != held_ct_;
+}
+
+bool AlignmentDecisions::restored_waits() const {
+  if (!current_ || !current_->restored || restored_is_confirmed_) return false;
+  return !(options_.restore_at_once && is_held(current_->ct_crc32));
+}
+
+AlignmentState AlignmentDecisions::state() const {
+  AlignmentState state;
+  if (!current_) {
+    state.message = "nothing is accepted";
+  } else if (is_other_than_held(current_->ct_crc32)) {
+    state.message = named(*current_) + " is of another CT than the one that is held";
+  } else if (restored_waits()) {
+    state.message = named(*current_) + " waits for " +
+                    (options_.restore_at_once && held_ct_ == 0 ? "its CT or " : "") + "accept";
+  } else {
+    state.broadcast = current_;
+    state.message = named(*current_) + " is broadcast";
+  }
+  state.waiting_id = waiting_ ? waiting_->alignment.result_id : 0;
+  return state;
+}
+
+}  // namespace usct

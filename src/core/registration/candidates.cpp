@@ -1,0 +1,124 @@
+#include "registration/candidates.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel.h"
+#include "us_ct_registration/registration/pose_parameters.h"
+
+namespace usct::registration {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::VectorXd;
+
+void set_value(Candidate& candidate, const SimilarityValue& value) {
+  candidate.value =
+      std::isfinite(value.value) ? value.value : -std::numeric_limits<double>::infinity();
+  candidate.overlap = value.overlap;
+}
+
+/// The parameters of an optimizer: six of the pose, then the errors that are estimated.
+class Parameters {
+ public:
+  Parameters(const Climb& how, const Candidate& from, const FieldPoints& field)
+      : how_(how), pose_(from.T_us_ct, field.us_mm()), from_(from) {}
+
+  OptimizerProblem problem() const {
+    const AcquisitionErrors& limits = how_.error_limits;
+    const int count = 6 + (limits.depth > 0.0 ? 1 : 0) + (limits.sweep > 0.0 ? 1 : 0);
+    OptimizerProblem problem;
+    problem.start = VectorXd::Zero(count);
+    problem.lower = VectorXd::Constant(count, -how_.reach_mm);
+    problem.upper = VectorXd::Constant(count, how_.reach_mm);
+    problem.scale = VectorXd::Ones(count);
+    int at = 6;
+    for (const double limit : {limits.depth, limits.sweep}) {
+      if (!(limit > 0.0)) continue;
+      // One percent moves the far end of a usual field of view by about a millimetre.
+      constexpr double kScale = 0.01;
+      problem.scale[at] = kScale;
+      problem.lower[at] = -limit;
+      problem.upper[at] = limit;
+      ++at;
+    }
+    return problem;
+  }
+
+  Candidate candidate(const VectorXd& x) const {
+    Candidate result{pose_.T_us_ct(x.head<6>()), from_.errors};
+    int at = 6;
+    if (how_.error_limits.depth > 0.0) result.errors.depth = x[at++];
+    if (how_.error_limits.sweep > 0.0) result.errors.sweep = x[at++];
+    return result;
+  }
+
+ private:
+  const Climb& how_;
+  PoseParameters pose_;
+  Candidate from_;
+};
+
+void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+           Candidate& candidate, Run& run) {
+  if (!candidate.has_value()) return;  // without a value there is no slope to climb
+  const Parameters parameters(how, candidate, field);
+  OptimizerProblem problem = parameters.problem();
+  problem.cost = [&](const VectorXd& x) {
+    run.check_cancelled();
+    return -similarity.evaluate(parameters.candidate(x).pose()).value;
+  };
+  OptimizerOptions optimizer = how.optimizer;
+  optimizer.seed = how.seed;
+  const OptimizerResult result = optimize(problem, optimizer);
+  run.count_evaluations(static_cast<std::size_t>(result.evaluations));
+  if (!result.best) return;
+  candidate = parameters.candidate(*result.best);
+  set_value(candidate, similarity.evaluate(candidate.pose()));
+}
+
+}  // namespace
+
+double FieldPoints::distance_mm(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct) const {
+  return mean_displacement_mm(T_a_us_ct * T_b_us_ct.inverse(), Isometry3d::Identity(),
+                              points_us_mm_);
+}
+
+void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run) {
+  std::vector<SimilarityPose> poses;
+  poses.reserve(candidates.size());
+  for (const Candidate& candidate : candidates) poses.push_back(candidate.pose());
+  const std::vector<SimilarityValue> values = similarity.evaluate(poses, run.check());
+  for (std::size_t i = 0; i < candidates.size(); ++i) set_value(candidates[i], values[i]);
+  run.count_evaluations(candidates.size());
+}
+
+void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+           std::vector<Candidate>& candidates, Run& run) {
+  if (candidates.size() == 1) return climb(similarity, how, field, candidates.front(), run);
+  parallel_for(static_cast<int>(candidates.size()), [&](int i) {
+    climb(similarity, how, field, candidates[static_cast<std::size_t>(i)], run);
+  });
+}
+
+void sort_best_first(std::vector<Candidate>& candidates, std::size_t most) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.value > b.value; });
+  if (candidates.size() > most) candidates.resize(most);
+}
+
+std::vector<Candidate> best_distinct(std::vector<Candidate> candidates, double distinct_mm,
+                                     std::size_t most, const FieldPoints& field) {
+  sort_best_first(candidates, candidates.size());
+  std::vector<Candidate> kept;
+  for (const Candidate& candidate : candidates) {
+    if (kept.size() == most) break;
+    if (std::all_of(kept.begin(), kept.end(), [&](const Candidate& better) {
+          return field.distance_mm(candidate.T_us_ct, better.T_us_ct) > distinct_mm;
+        }))
+      kept.push_back(candidate);
+  }
+  return kept;
+}
+
+}  // namespace usct::registration

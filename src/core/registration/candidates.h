@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <limits>
+#include <vector>
+
+#include "registration/run.h"
+#include "us_ct_registration/registration/registration_options.h"
+#include "us_ct_registration/similarity/similarity.h"
+
+namespace usct::registration {
+
+/// A pose and its similarity.
+struct Candidate {
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  AcquisitionErrors errors;
+  /// Value of the similarity; the lowest of all if it has none.
+  double value = -std::numeric_limits<double>::infinity();
+  double overlap = 0.0;
+
+  bool has_value() const { return value > -std::numeric_limits<double>::infinity(); }
+  SimilarityPose pose() const { return {T_us_ct.inverse(), errors}; }
+};
+
+/// Positions spread over the field of view, US frame, mm. Distances between poses are mean
+/// displacements of these points.
+class FieldPoints {
+ public:
+  FieldPoints() = default;
+  explicit FieldPoints(std::vector<Eigen::Vector3d> points_us_mm)
+      : points_us_mm_(std::move(points_us_mm)) {}
+
+  double distance_mm(const Eigen::Isometry3d& T_a_us_ct, const Eigen::Isometry3d& T_b_us_ct) const;
+  const std::vector<Eigen::Vector3d>& us_mm() const { return points_us_mm_; }
+
+ private:
+  std::vector<Eigen::Vector3d> points_us_mm_;
+};
+
+/// Fills in value and overlap of the candidates.
+void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run);
+
+/// Options for climbing from candidates.
+struct Climb {
+  const OptimizerOptions& optimizer;
+  double reach_mm;
+  /// Limits within which AcquisitionErrors are estimated as well; 0: not estimated.
+  AcquisitionErrors error_limits;
+  std::uint32_t seed;
+};
+
+/// Moves each candidate that has a value to a nearby optimum, in parallel over the candidates. For
+/// a single candidate the similarity uses the threads instead.
+void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+           std::vector<Candidate>& candidates, Run& run);
+
+/// Sorts best first and keeps `most` at most; candidates of equal value keep their order.
+void sort_best_first(std::vector<Candidate>& candidates, std::size_t most);
+
+/// The candidates best first, `most` at most; of those closer than `distinct_mm` only the best
+/// stays.
+std::vector<Candidate> best_distinct(std::vector<Candidate> candidates, double distinct_mm,
+                                     std::size_t most, const FieldPoints& field);
+
+}  // namespace usct::registration

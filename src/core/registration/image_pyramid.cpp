@@ -1,0 +1,282 @@
+#include "registration/image_pyramid.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/rigid.h"
+#include "us_ct_registration/ultrasound/decimation.h"
+
+namespace usct::registration {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+/// Approximate number of points that measure distances between poses; more would not change them.
+constexpr std::size_t kPoints = 2000;
+/// Fewest points that define the six parameters of a pose.
+constexpr std::size_t kLeastPoints = 100;
+/// Fewest voxels along each axis: a cell of the packed CT and one voxel more on either side.
+constexpr int kLeastVoxels = 4;
+
+std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
+  const auto counting = static_cast<std::size_t>(std::count_if(
+      us.known.begin(), us.known.end(), [](std::uint8_t known) { return known != 0; }));
+  const std::size_t step = std::max<std::size_t>(1, counting / kPoints);
+  std::vector<Vector3d> points;
+  std::size_t i = 0;
+  std::size_t to_skip = 0;  // counted down, since a remainder takes far longer
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < us.beams.lines; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s, ++i) {
+        if (us.known[i] == 0) continue;
+        if (to_skip == 0) points.push_back(us.beams.point(f, l, s));
+        to_skip = to_skip == 0 ? step - 1 : to_skip - 1;
+      }
+  return points;
+}
+
+/// First and last samples of beams that are spread over the sweep.
+std::vector<Vector3d> outline(const BeamGrid& beams) {
+  constexpr int kSteps = 6;
+  std::vector<Vector3d> points;
+  for (int f = 0; f <= kSteps; ++f)
+    for (int l = 0; l <= kSteps; ++l)
+      for (const int s : {0, beams.samples() - 1})
+        points.push_back(
+            beams.point(f * (beams.frames - 1) / kSteps, l * (beams.lines - 1) / kSteps, s));
+  return points;
+}
+
+bool needs_recorded_ct(const ClimbOptions& level) { return needs_of(level.similarity).recorded_ct; }
+
+/// Beams cost memory and time. Positions suffice unless a similarity uses the direction of the
+/// beams, or the refinement moves samples along them.
+bool needs_beams(const RegistrationOptions& options) {
+  const auto along = [](const SimilarityOptions& similarity) { return needs_of(similarity).beams; };
+  const std::optional<RefinementOptions>& refinement = options.refinement;
+  return along(options.confidence.scatter.similarity) ||
+         std::any_of(options.search.levels.begin(), options.search.levels.end(),
+                     [&](const LevelOptions& level) { return along(level.similarity); }) ||
+         (refinement && (refinement->depth_error > 0.0 || refinement->sweep_error > 0.0 ||
+                         along(refinement->similarity)));
+}
+
+/// Numbers of voxels whose mean has about the spacing; at least two voxels remain along each axis.
+Vector3i factors_to(const std::optional<double>& spacing_mm, const Grid& grid,
+                    const Vector3i& available) {
+  Vector3i factors = Vector3i::Ones();
+  if (!spacing_mm) return factors;
+  for (int axis = 0; axis < 3; ++axis)
+    factors[axis] = std::clamp(static_cast<int>(std::lround(*spacing_mm / grid.spacing_mm[axis])),
+                               1, std::max(1, available[axis] / 2));
+  return factors;
+}
+
+std::shared_ptr<const BeamUltrasound> averaged(const std::shared_ptr<const BeamUltrasound>& us,
+                                               const std::optional<double>& spacing_mm) {
+  if (!spacing_mm) return us;
+  const Vector3i factors = factors_for_spacing(us->beams, *spacing_mm);
+  if (factors == Vector3i::Ones()) return us;
+  return std::make_shared<const BeamUltrasound>(decimate(*us, factors));
+}
+
+Volume<float> averaged_ct(const CtInReach& in_reach, const std::optional<double>& spacing_mm) {
+  return shrink(in_reach.ct, factors_to(spacing_mm, in_reach.ct.grid, in_reach.region.size),
+                in_reach.region);
+}
+
+/// `ct` is averaged to the spacing of the level; it is empty if the similarity uses the recorded
+/// CT.
+std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
+                                            const PreparedUltrasound& prepared,
+                                            const CtInReach& in_reach, const Volume<float>& ct,
+                                            const RegistrationOptions& options) {
+  const bool recorded = needs_recorded_ct(level);
+  return std::make_shared<SimilarityImages>(
+      averaged(prepared.us, level.spacing_mm),
+      recorded ? nullptr : pack_ct(ct, options.window, options.outside_hu),
+      recorded ? std::make_shared<const CtVolume>(crop(in_reach.ct, in_reach.region)) : nullptr,
+      needs_beams(options));
+}
+
+/// A similarity on the images, or the reason why there is none.
+Outcome<Level> level_on(std::shared_ptr<SimilarityImages> images,
+                        const SimilarityOptions& similarity) {
+  Level level{std::move(images), nullptr};
+  level.similarity = make_similarity(*level.images, similarity);
+  if (!level.similarity)
+    return Refusal{RegistrationStatus::kFailed,
+                   "the ultrasound has no patch with structure, must have one at least"};
+  return level;
+}
+
+bool are_parallel(const BeamGrid& beams) {
+  return std::all_of(beams.beams.begin(), beams.beams.end(), [&](const Beam& beam) {
+    return beam.direction.isApprox(beams.beams.front().direction);
+  });
+}
+
+void require_valid(const BeamUltrasound& ultrasound, const CtVolume& ct,
+                   const Eigen::Isometry3d& T_us_ct_initial, const RegistrationOptions& options) {
+  ultrasound.validate();
+  options.validate();
+  ultrasound.beams.validate();
+  ct.validate("CT");
+  if (options.beams == BeamKind::kParallel && !are_parallel(ultrasound.beams))
+    throw InputError("ultrasound",
+                     "has beams that are not parallel, but the options are for parallel beams "
+                     "('beams: parallel', preset thesis_a): scan-convert it first (usct register "
+                     "--parallel-beams)");
+  if (T_us_ct_initial.matrix().allFinite()) require_rigid(T_us_ct_initial, "T_us_ct_initial");
+}
+
+/// The reason why no pose could ever be found, if there is one.
+std::optional<Refusal> hopeless(const Eigen::Isometry3d& T_us_ct_initial,
+                                const RegistrationOptions& options) {
+  if (!T_us_ct_initial.matrix().allFinite())
+    return Refusal{RegistrationStatus::kFailed, "the initial pose is not finite"};
+  const auto unable = [](const std::string& climb) {
+    return Refusal{RegistrationStatus::kFailed,
+                   climb + ".optimizer.max_evaluations is 0: no pose can be tried"};
+  };
+  const std::vector<LevelOptions>& levels = options.search.levels;
+  for (std::size_t i = 0; i < levels.size(); ++i)
+    if (levels[i].optimizer.max_evaluations == 0)
+      return unable("search.levels[" + std::to_string(i) + "]");
+  if (options.refinement && options.refinement->optimizer.max_evaluations == 0)
+    return unable("refinement");
+  return std::nullopt;
+}
+
+bool same_images(const ClimbOptions& a, const ClimbOptions& b) {
+  return a.spacing_mm == b.spacing_mm && !needs_recorded_ct(a) && !needs_recorded_ct(b);
+}
+
+}  // namespace
+
+PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
+                                      const RegistrationOptions& options, const Check& check) {
+  const std::optional<double>& spacing_mm = options.conditioning_spacing_mm;
+  const BeamUltrasound averaged =
+      decimate(ultrasound, spacing_mm ? factors_for_spacing(ultrasound.beams, *spacing_mm)
+                                      : Vector3i(Vector3i::Ones()));
+  ConditionedUltrasound conditioned = condition(averaged, options.conditioning, [&](double) {
+    if (check) check();
+  });
+  auto us = std::make_shared<BeamUltrasound>();
+  us->beams = averaged.beams;
+  us->brightness = std::move(conditioned.samples);
+  us->known.resize(conditioned.reasons.size());
+  std::transform(conditioned.reasons.begin(), conditioned.reasons.end(), us->known.begin(),
+                 [](std::uint8_t reasons) { return reasons == 0 ? 1 : 0; });
+  FieldPoints field(counting_points(*us));
+  return {std::move(us), std::move(field)};
+}
+
+CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
+                      const Eigen::Isometry3d& T_us_ct_initial, const SearchOptions& options) {
+  std::vector<Vector3d> points = outline(beams);
+  double margin_mm = options.ct_margin_mm;
+  if (const std::optional<StartOptions>& starts = options.starts) {
+    Vector3d centre = Vector3d::Zero();
+    for (const Vector3d& p : points) centre += p / static_cast<double>(points.size());
+    double radius_mm = 0.0;
+    for (const Vector3d& p : points) radius_mm = std::max(radius_mm, (p - centre).norm());
+    margin_mm += starts->translation_mm +
+                 radius_mm * std::min(options.ct_most_turn_rad, starts->rotation_rad);
+  }
+  for (Vector3d& p : points) p = T_us_ct_initial.inverse() * p;
+  return {ct, region_around(ct.grid, points, margin_mm)};
+}
+
+CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
+                    const Eigen::Isometry3d& T_us_ct, double margin_mm) {
+  std::vector<Vector3d> points = prepared.field.us_mm();
+  for (Vector3d& p : points) p = T_us_ct.inverse() * p;
+  return {ct, region_around(ct.grid, points, margin_mm)};
+}
+
+std::vector<Volume<float>> averaged_cts(const CtInReach& in_reach,
+                                        const std::vector<LevelOptions>& levels,
+                                        const Check& check) {
+  std::vector<Volume<float>> cts(levels.size());
+  const Volume<float>* finer = nullptr;
+  for (std::size_t i = levels.size(); i-- > 0;) {
+    if (needs_recorded_ct(levels[i])) continue;
+    if (check) check();
+    const std::optional<double>& spacing_mm = levels[i].spacing_mm;
+    cts[i] = finer == nullptr
+                 ? averaged_ct(in_reach, spacing_mm)
+                 : shrink(*finer, factors_to(spacing_mm, finer->grid, finer->grid.size),
+                          whole(finer->grid));
+    finer = &cts[i];
+  }
+  return cts;
+}
+
+std::vector<const Similarity*> ImagePyramid::similarities() const {
+  std::vector<const Similarity*> all;
+  all.reserve(levels.size());
+  for (const Level& level : levels) all.push_back(level.similarity.get());
+  return all;
+}
+
+Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& ct,
+                              const Eigen::Isometry3d& T_us_ct_initial,
+                              const RegistrationOptions& options, Run& run) {
+  require_valid(ultrasound, ct, T_us_ct_initial, options);
+  if (std::optional<Refusal> refusal = hopeless(T_us_ct_initial, options)) return *refusal;
+  PreparedUltrasound prepared =
+      run.timed("ultrasound", [&] { return prepare_ultrasound(ultrasound, options, run.check()); });
+  if (prepared.field.us_mm().size() < kLeastPoints)
+    return Refusal{RegistrationStatus::kFailed,
+                   "nothing in the ultrasound counts: it is constant, or all of it is masked"};
+  run.report(0.1);
+
+  return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
+    ImagePyramid pyramid{std::move(prepared),
+                         ct_in_reach(ct, ultrasound.beams, T_us_ct_initial, options.search),
+                         {},
+                         nullptr};
+    if (pyramid.in_reach.region.size.minCoeff() < kLeastVoxels)
+      return Refusal{RegistrationStatus::kNoOverlap,
+                     "the CT lies nowhere near the ultrasound at the initial pose"};
+    const std::vector<LevelOptions>& levels = options.search.levels;
+    const std::vector<Volume<float>> cts = averaged_cts(pyramid.in_reach, levels, run.check());
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      run.check_cancelled();
+      Outcome<Level> level =
+          level_on(images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options),
+                   levels[i].similarity);
+      if (!level) return level.refusal();
+      pyramid.levels.push_back(std::move(*level));
+    }
+    const SimilarityOptions& second = options.confidence.scatter.similarity;
+    if (needs_of(second).recorded_ct == needs_recorded_ct(levels.back()))
+      pyramid.scatter_similarity = make_similarity(*pyramid.levels.back().images, second);
+    return pyramid;
+  });
+}
+
+Outcome<Level> refinement_level(const ImagePyramid& images, const CtVolume& ct,
+                                const Eigen::Isometry3d& T_us_ct,
+                                const RegistrationOptions& options) {
+  const RefinementOptions& refinement = *options.refinement;
+  if (same_images(refinement, options.search.levels.back()))
+    return level_on(images.levels.back().images, refinement.similarity);
+  // A similarity that simulates ultrasound needs the whole beam, from the probe to the sample.
+  const bool recorded = needs_recorded_ct(refinement);
+  const double margin_mm = std::min(refinement.ct_margin_mm, refinement.reach_mm);
+  const CtInReach near =
+      recorded ? images.in_reach : ct_around(ct, images.prepared, T_us_ct, margin_mm);
+  if (near.region.size.minCoeff() < kLeastVoxels)
+    return Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
+  return level_on(
+      images_of(refinement, images.prepared, near,
+                recorded ? Volume<float>{} : averaged_ct(near, refinement.spacing_mm), options),
+      refinement.similarity);
+}
+
+}  // namespace usct::registration

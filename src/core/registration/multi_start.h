@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "registration/candidates.h"
+
+/// The search: many starts around the initial pose, climbed coarse to fine.
+namespace usct::registration {
+
+/// The problem of a search. The objects that it refers to must outlive it.
+struct SearchProblem {
+  /// One similarity per level of the options, in their order.
+  std::vector<const Similarity*> similarities;
+  const SearchOptions& options;
+  const Eigen::Isometry3d& T_us_ct_initial;
+  const FieldPoints& field;
+  std::uint32_t seed;
+};
+
+/// One round of the search; `round` counts from 0. Returns the optima of the deciding level
+/// together with `found`, those of earlier rounds, best first; empty if no pose has a value.
+std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
+                                   std::vector<Candidate> found, Run& run);
+
+}  // namespace usct::registration

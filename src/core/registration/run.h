@@ -1,0 +1,72 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "us_ct_registration/registration/registration.h"
+
+namespace usct::registration {
+
+/// Thrown through loops and optimizers when the caller wants to stop.
+struct Cancelled {};
+
+/// The services of one registration that all its steps share: cancellation, progress, and the count
+/// of evaluations and wall time.
+class Run {
+ public:
+  explicit Run(const RegistrationHooks& hooks) : hooks_(hooks) {}
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+
+  /// Throws Cancelled if the caller wants to stop. May be called from any thread.
+  void check_cancelled() const {
+    if (!hooks_.cancelled) return;
+    const std::lock_guard<std::mutex> one_at_a_time(asking_);
+    if (hooks_.cancelled()) throw Cancelled{};
+  }
+  Check check() const {
+    return [this] { check_cancelled(); };
+  }
+
+  void report(double fraction) const {
+    if (hooks_.progress) hooks_.progress(fraction);
+    check_cancelled();
+  }
+
+  void count_evaluations(std::size_t count) { evaluations_ += static_cast<int>(count); }
+  int evaluations() const { return evaluations_; }
+
+  /// Runs `work`, and adds its wall time to that of the step.
+  template <typename Work>
+  auto timed(const char* step, const Work& work) {
+    const Timer timer(seconds_[step]);
+    return work();
+  }
+  const std::map<std::string, double>& seconds() const { return seconds_; }
+
+ private:
+  class Timer {
+   public:
+    explicit Timer(double& seconds) : seconds_(seconds) {}
+    ~Timer() {
+      const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin_;
+      seconds_ += taken.count();
+    }
+    Timer(const Timer&) = delete;
+    Timer& operator=(const Timer&) = delete;
+
+   private:
+    double& seconds_;
+    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  };
+
+  const RegistrationHooks& hooks_;
+  mutable std::mutex asking_;  // a critical section of OpenMP would not let the exception through
+  std::atomic<int> evaluations_{0};
+  std::map<std::string, double> seconds_;
+};
+
+}  // namespace usct::registration

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+
+#include "similarity/large_pages.h"
+#include "us_ct_registration/volume/hu_window.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct {
+
+/// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values. Each voxel
+/// is stored with its neighbour along j, so that two loads of 32 bits fetch the eight voxels of a
+/// cell, for value and gradient. Words with more neighbours would take fewer loads, but the CT
+/// would no longer fit into any cache.
+class PackedCt {
+ public:
+  /// CT values are limited to the window, and rounded to a 255th of it. `background_hu` is the CT
+  /// value outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along
+  /// an axis, or if the window is invalid, or the background lies outside it.
+  PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu);
+
+  /// The grid of the voxels.
+  const Grid& grid() const { return grid_; }
+  /// Pairs of voxels: (i, j, k) in the low byte, (i, j + 1, k) in the high one, at i + j *
+  /// stride_j() + k * stride_k(); the last j has no pair.
+  const LargeVector<std::uint16_t>& pairs() const { return pairs_; }
+  std::size_t stride_j() const { return stride_j_; }
+  std::size_t stride_k() const { return stride_k_; }
+  /// HU per step of a byte.
+  double step_hu() const { return step_hu_; }
+  /// The background on the scale of the bytes.
+  double background() const { return background_; }
+
+ private:
+  Grid grid_;
+  std::size_t stride_j_ = 0;
+  std::size_t stride_k_ = 0;
+  double step_hu_ = 0.0;
+  double background_ = 0.0;
+  LargeVector<std::uint16_t> pairs_;
+};
+
+}  // namespace usct

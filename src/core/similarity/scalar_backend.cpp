@@ -1,0 +1,33 @@
+#include "similarity/backend.h"
+#include "us_ct_registration/similarity/similarity_images.h"
+
+namespace usct {
+namespace {
+
+class ScalarBackend final : public SimilarityBackend {
+ public:
+  void sum_strands(const PatchKernelInput& input, std::size_t first, std::size_t last,
+                   StrandSums* sums) const override {
+    sum_strands_scalar(input, first, last, sums);
+  }
+  void explained_shares(const StrandSums& sums, const double* count, const double* uu,
+                        const Lc2Ridge& ridge, double* shares) const override {
+    explained_shares_scalar(sums, count, uu, ridge, shares);
+  }
+  std::size_t sample_block(const PatchKernelInput& input, std::size_t block,
+                           float* values) const override {
+    return sample_block_scalar(input, block, values);
+  }
+  JointSums joint_sums(const JointSumsInput& input) const override {
+    return joint_sums_scalar(input);
+  }
+};
+
+}  // namespace
+
+const SimilarityBackend& scalar_backend() {
+  static const ScalarBackend backend;
+  return backend;
+}
+
+}  // namespace usct

@@ -1,0 +1,33 @@
+#include "similarity/backend.h"
+#include "us_ct_registration/similarity/similarity_images.h"
+
+namespace usct {
+namespace {
+
+class SimdBackend final : public SimilarityBackend {
+ public:
+  void sum_strands(const PatchKernelInput& input, std::size_t first, std::size_t last,
+                   StrandSums* sums) const override {
+    sum_strands_simd(input, first, last, sums);
+  }
+  void explained_shares(const StrandSums& sums, const double* count, const double* uu,
+                        const Lc2Ridge& ridge, double* shares) const override {
+    explained_shares_simd(sums, count, uu, ridge, shares);
+  }
+  std::size_t sample_block(const PatchKernelInput& input, std::size_t block,
+                           float* values) const override {
+    return sample_block_simd(input, block, values);
+  }
+  JointSums joint_sums(const JointSumsInput& input) const override {
+    return joint_sums_simd(input);
+  }
+};
+
+}  // namespace
+
+const SimilarityBackend& simd_backend() {
+  static const SimdBackend backend;
+  return backend;
+}
+
+}  // namespace usct

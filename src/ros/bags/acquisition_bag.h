@@ -1,0 +1,78 @@
+#pragma once
+
+#include <ros/time.h>
+#include <us_ct_registration/CtVolume.h>
+#include <us_ct_registration/PreScanVolume.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/volume/volume.h"
+
+/// Writes files into a bag as an operating room would have recorded them, and reads such bags.
+/// docs/bags.md has the topics.
+namespace usct::ros_interface {
+
+/// A sweep to write, and what is known about it.
+struct BagAcquisition {
+  PreScanVolume us;
+  /// Pose of the US frame during the sweep: p_fixed = T p_us, mm. Without it no tf is written.
+  std::optional<Eigen::Isometry3d> T_fixed_us;
+  /// The truth, for tests: p_us = T p_ct, mm.
+  std::optional<Eigen::Isometry3d> T_us_ct;
+};
+
+struct BagOptions {
+  /// Stamp of the first frame; at least 3 s after the epoch, because the robot arrives before it.
+  ::ros::Time start;
+  /// Of motorised sweeps, and of tracked sweeps whose frames have no times; > 0.
+  double frame_rate_hz = 20.0;
+  /// Time from the last frame of a sweep to the first of the next; >= 3.
+  double pause_s = 6.0;
+  /// Distance by which the probe is retracted along its axis between and after sweeps; >= 0. 0: it
+  /// stays.
+  double retract_mm = 100.0;
+  /// Tracked sweeps: poses go to tf (US frame -> array frame) instead of the frames' messages.
+  bool poses_in_tf = false;
+  std::string fixed_frame = "patient";
+  std::string us_frame = "us";
+  /// Tracked sweeps: the frame that moves with the array.
+  std::string array_frame = "us_array";
+  std::string ct_frame = "ct";
+
+  /// Throws InputError that names the option, its value and the constraint.
+  void validate() const;
+};
+
+/// The CT of a bag: voxels (`ct/volume`), or only where it is (`ct/path`), or neither.
+struct BagCt {
+  std::optional<CtVolume> volume;
+  std::string path;
+};
+
+/// Writes a bag, atomically. Throws InputError for invalid volumes or options, for acquisitions of
+/// which only some have a T_fixed_us, and for a folder that cannot be written to.
+void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,
+                           const BagOptions& options, const std::filesystem::path& path);
+
+/// Gets the sweeps and CTs of a bag, in the order of recording. What is not set is not visited.
+struct BagVisitor {
+  std::function<void(const us_ct_registration::PreScanVolume&)> us;
+  std::function<void(const us_ct_registration::CtVolume&)> ct;
+  /// Gets what could not be used, and why: frames of a sweep that is not whole, for example. Must
+  /// be set.
+  std::function<void(const std::string&)> warning;
+};
+
+/// Visits what a bag holds. Messages are found by their type, whatever their topics are called: the
+/// volumes if there are any, else sweeps assembled from frames, with poses from the bag's tf if the
+/// frames carry none. Throws InputError if it is no bag, or a damaged one, or if several topics
+/// have messages of one type (`rosbag filter` keeps the one that is meant).
+void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& visitor);
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,214 @@
+#include <geometry_msgs/TransformStamped.h>
+#include <std_msgs/String.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "ros/bags/acquisition_bag.h"
+#include "ros/bags/frame_stream.h"
+#include "ros/bags/recording.h"
+#include "ros/bags/robot_path.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/ultrasound.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using Eigen::Isometry3d;
+using ::ros::Duration;
+using ::ros::Time;
+
+geometry_msgs::TransformStamped stamped(const Time& stamp, const Isometry3d& T_parent_child,
+                                        const std::string& parent, const std::string& child) {
+  geometry_msgs::TransformStamped transform;
+  transform.header.stamp = stamp;
+  transform.header.frame_id = parent;
+  transform.child_frame_id = child;
+  transform.transform = to_message(T_parent_child);
+  return transform;
+}
+
+void record_path(const std::vector<StampedPose>& path, const std::string& parent,
+                 const std::string& child, Recording& recording) {
+  for (const StampedPose& pose : path) {
+    tf2_msgs::TFMessage message;
+    message.transforms = {stamped(pose.stamp, pose.T, parent, child)};
+    recording.add("/tf", pose.stamp, message);
+  }
+}
+
+/// The frames of a sweep, as they go into the bag.
+struct Sweep {
+  std::vector<msg::PreScanFrame> frames;
+  const BagAcquisition* acquisition;
+
+  const Time& first() const { return frames.front().header.stamp; }
+  const Time& last() const { return frames.back().header.stamp; }
+};
+
+Sweep sweep_of(const BagAcquisition& acquisition, unsigned number, const Time& first,
+               const BagOptions& options) {
+  acquisition.us.validate("ultrasound");
+  FrameStream stream;
+  stream.sweep = number;
+  stream.frame_period = Duration(1.0 / options.frame_rate_hz);
+  stream.array_frame_id = options.array_frame;
+  Duration length = stream.frame_period * (acquisition.us.geometry.frames() - 1);
+  if (const auto* tracked = std::get_if<TrackedSweep>(&acquisition.us.geometry.motion))
+    if (!tracked->frame_times_s.empty())
+      length = Duration(tracked->frame_times_s.back() - tracked->frame_times_s.front());
+  std_msgs::Header header;
+  header.stamp = first + length;
+  header.frame_id = options.us_frame;
+  return {frames_of(to_message(acquisition.us, header), stream), &acquisition};
+}
+
+std::vector<Sweep> sweeps_of(const std::vector<BagAcquisition>& acquisitions,
+                             const BagOptions& options) {
+  std::vector<Sweep> sweeps;
+  Time first = options.start;
+  for (const BagAcquisition& acquisition : acquisitions) {
+    sweeps.push_back(sweep_of(acquisition, static_cast<unsigned>(sweeps.size()), first, options));
+    first = sweeps.back().last() + Duration(options.pause_s);
+  }
+  return sweeps;
+}
+
+/// Whether tf connects the two frames by the same transform from the first sweep to the last.
+bool is_static(const std::vector<Sweep>& sweeps, double retract_mm) {
+  return retract_mm == 0.0 && std::all_of(sweeps.begin(), sweeps.end(), [&](const Sweep& sweep) {
+           return sweep.acquisition->T_fixed_us->matrix() ==
+                  sweeps.front().acquisition->T_fixed_us->matrix();
+         });
+}
+
+/// Records the transform from fixed frame to US frame. The US frame of a tracked probe does not
+/// move with the probe.
+void record_us_frame(const std::vector<Sweep>& sweeps, const BagOptions& options, const Time& begin,
+                     Recording& recording) {
+  const bool motorised = sweeps.front().acquisition->us.geometry.is_motorised();
+  const double retract_mm = motorised ? options.retract_mm : 0.0;
+  if (is_static(sweeps, retract_mm)) {
+    tf2_msgs::TFMessage message;
+    message.transforms = {stamped(begin, *sweeps.front().acquisition->T_fixed_us,
+                                  options.fixed_frame, options.us_frame)};
+    recording.add_latched("/tf_static", begin, message);
+    return;
+  }
+  std::vector<std::vector<StampedPose>> stays;
+  for (const Sweep& sweep : sweeps)
+    stays.push_back(held(*sweep.acquisition->T_fixed_us, sweep.first(), sweep.last()));
+  record_path(robot_path(stays, options.pause_s, retract_mm), options.fixed_frame, options.us_frame,
+              recording);
+}
+
+/// Records the poses as transforms from US frame to array, and takes them out of the frames.
+void move_poses_to_tf(std::vector<Sweep>& sweeps, const BagOptions& options, Recording& recording) {
+  std::vector<std::vector<StampedPose>> tracks;
+  for (Sweep& sweep : sweeps) {
+    std::vector<StampedPose> track;
+    for (msg::PreScanFrame& frame : sweep.frames) {
+      track.push_back({frame.header.stamp, from_message_mm(frame.pose, "frame")});
+      frame.pose_frame_id.clear();
+      frame.pose = geometry_msgs::Pose();
+    }
+    tracks.push_back(std::move(track));
+  }
+  record_path(robot_path(tracks, options.pause_s, options.retract_mm), options.us_frame,
+              options.array_frame, recording);
+}
+
+void record_truth(const Sweep& sweep, const Time& time, const BagOptions& options,
+                  Recording& recording) {
+  const BagAcquisition& acquisition = *sweep.acquisition;
+  if (!acquisition.T_us_ct) return;
+  const bool anchored = acquisition.T_fixed_us.has_value();
+  const Isometry3d T_parent_ct =
+      anchored ? *acquisition.T_fixed_us * *acquisition.T_us_ct : *acquisition.T_us_ct;
+  recording.add_latched(
+      "/truth/alignment", time,
+      stamped(sweep.last(), T_parent_ct, anchored ? options.fixed_frame : options.us_frame,
+              options.ct_frame));
+}
+
+void record_ct(const BagCt& ct, const BagOptions& options, const Time& begin,
+               Recording& recording) {
+  if (ct.volume) {
+    std_msgs::Header header;
+    header.stamp = begin;
+    header.frame_id = options.ct_frame;
+    recording.add_latched("/ct/volume", begin, to_message(*ct.volume, header, 1));
+  }
+  if (!ct.path.empty()) {
+    std_msgs::String path;
+    path.data = ct.path;
+    recording.add_latched("/ct/path", begin, path);
+  }
+}
+
+void validate_together(const std::vector<BagAcquisition>& acquisitions, const BagOptions& options) {
+  if (acquisitions.empty()) throw InputError("bag", "no ultrasound is given, must be one at least");
+  const BagAcquisition& first = acquisitions.front();
+  for (const BagAcquisition& other : acquisitions) {
+    if (other.us.geometry.is_motorised() != first.us.geometry.is_motorised())
+      throw InputError("bag", "some sweeps are motorised and some tracked, must be of one kind");
+    if (other.T_fixed_us.has_value() != first.T_fixed_us.has_value())
+      throw InputError("bag", "some sweeps have a pose in the fixed frame and some have none");
+  }
+  if (options.poses_in_tf && first.us.geometry.is_motorised())
+    throw InputError("bag", "poses cannot go to tf: frames of a motorised probe have angles");
+}
+
+void require(bool fulfilled, const std::string& option, double value, const char* constraint) {
+  if (!fulfilled)
+    throw InputError("bag",
+                     "'" + option + "' is " + std::to_string(value) + ", must be " + constraint);
+}
+
+void require_frame(const std::string& option, const std::string& frame) {
+  if (frame.empty() || frame.front() == '/')
+    throw InputError("bag", "'" + option + "' is '" + frame +
+                                "', must be the name of a frame, without a slash in front");
+}
+
+}  // namespace
+
+void BagOptions::validate() const {
+  require(start.toSec() >= 3.0, "start", start.toSec(), ">= 3 s after the epoch");
+  require(std::isfinite(frame_rate_hz) && frame_rate_hz > 0.0, "frame_rate_hz", frame_rate_hz,
+          "> 0");
+  require(std::isfinite(pause_s) && pause_s >= 3.0, "pause_s", pause_s, ">= 3");
+  require(std::isfinite(retract_mm) && retract_mm >= 0.0, "retract_mm", retract_mm, ">= 0");
+  require_frame("fixed_frame", fixed_frame);
+  require_frame("us_frame", us_frame);
+  require_frame("array_frame", array_frame);
+  require_frame("ct_frame", ct_frame);
+}
+
+void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,
+                           const BagOptions& options, const std::filesystem::path& path) {
+  options.validate();
+  validate_together(acquisitions, options);
+  std::vector<Sweep> sweeps = sweeps_of(acquisitions, options);
+  Recording recording;
+  const Time begin = options.start - Duration(kArrivalS);
+  record_ct(ct, options, begin, recording);
+  for (const Sweep& sweep : sweeps)
+    record_truth(sweep,
+                 &sweep == &sweeps.front() ? begin : sweep.first() - Duration(options.pause_s / 2),
+                 options, recording);
+  if (acquisitions.front().T_fixed_us) record_us_frame(sweeps, options, begin, recording);
+  if (options.poses_in_tf) move_poses_to_tf(sweeps, options, recording);
+  for (const Sweep& sweep : sweeps)
+    for (const msg::PreScanFrame& frame : sweep.frames)
+      recording.add("/us/frames", frame.header.stamp, frame);
+  write_atomically(path,
+                   [&](const std::filesystem::path& temporary) { recording.write(temporary); });
+}
+
+}  // namespace usct::ros_interface

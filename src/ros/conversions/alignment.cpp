@@ -1,0 +1,103 @@
+#include "ros/conversions/alignment.h"
+
+#include <ros/serialization.h>
+#include <zlib.h>
+
+#include <limits>
+
+#include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
+#include "ros/status.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+
+std::uint32_t digest_of(msg::RegistrationResult message) {
+  message.header.seq = 0;
+  const ::ros::SerializedMessage bytes = ::ros::serialization::serializeMessage(message);
+  return static_cast<std::uint32_t>(crc32_z(0, bytes.buf.get(), bytes.num_bytes));
+}
+
+MetricPose pose_from(const geometry_msgs::Transform& transform) {
+  const auto& t = transform.translation;
+  const auto& q = transform.rotation;
+  return {{t.x, t.y, t.z}, {q.w, q.x, q.y, q.z}};
+}
+
+std::uint8_t status_code(DecisionAnswer::Code code) {
+  switch (code) {
+    case DecisionAnswer::Code::kDone:
+      return msg::StatusCode::OK;
+    case DecisionAnswer::Code::kNotRegistered:
+      return msg::StatusCode::FAILED;
+    case DecisionAnswer::Code::kInvalidResult:
+      return msg::StatusCode::INVALID_MESSAGE;
+    case DecisionAnswer::Code::kInvalidRequest:
+      return msg::StatusCode::INVALID_REQUEST;
+    case DecisionAnswer::Code::kNothingToDecide:
+      return msg::StatusCode::NOTHING_TO_DECIDE;
+  }
+  return msg::StatusCode::FAILED;
+}
+
+}  // namespace
+
+OfferedResult from_message(const msg::RegistrationResult& message) {
+  OfferedResult result;
+  result.registered = message.status.code == msg::StatusCode::REGISTERED;
+  result.message = message.status.message;
+  result.digest = digest_of(message);
+  Alignment& alignment = result.alignment;
+  alignment.fixed_frame = message.fixed_frame;
+  alignment.ct_frame = message.ct_frame;
+  alignment.T_fixed_ct = pose_from(message.fixed_transform);
+  alignment.result_id = message.id;
+  alignment.ct_crc32 = message.ct_crc32;
+  alignment.us_stamp_ns = nanoseconds_from(message.header.stamp);
+  alignment.expected_error_m = message.expected_error;
+  return result;
+}
+
+msg::Alignment to_message(const AlignmentState& state) {
+  msg::Alignment message;
+  message.message = state.message;
+  message.waiting_id = state.waiting_id;
+  message.expected_error = std::numeric_limits<double>::quiet_NaN();
+  if (!state.broadcast) return message;
+  const Alignment& alignment = *state.broadcast;
+  message.header.stamp = time_from(alignment.us_stamp_ns);
+  message.header.frame_id = alignment.fixed_frame;
+  message.state = alignment.restored ? msg::Alignment::RESTORED : msg::Alignment::ACCEPTED;
+  message.ct_frame = alignment.ct_frame;
+  message.transform = to_message(alignment.T_fixed_ct);
+  message.result_id = alignment.result_id;
+  message.ct_crc32 = alignment.ct_crc32;
+  message.accepted = time_from(alignment.accepted_ns);
+  message.expected_error = alignment.expected_error_m;
+  return message;
+}
+
+msg::StatusCode to_message(const DecisionAnswer& answer) {
+  return status(status_code(answer.code), answer.message);
+}
+
+geometry_msgs::Transform to_message(const MetricPose& pose) {
+  geometry_msgs::Transform transform;
+  transform.translation.x = pose.translation_m.x();
+  transform.translation.y = pose.translation_m.y();
+  transform.translation.z = pose.translation_m.z();
+  transform.rotation.w = pose.rotation.w();
+  transform.rotation.x = pose.rotation.x();
+  transform.rotation.y = pose.rotation.y();
+  transform.rotation.z = pose.rotation.z();
+  return transform;
+}
+
+std::optional<Eigen::Isometry3d> T_fixed_ct_from(const msg::Alignment& message) {
+  if (message.state == msg::Alignment::NONE) return std::nullopt;
+  return from_message_mm(message.transform, "registration/alignment");
+}
+
+}  // namespace usct::ros_interface

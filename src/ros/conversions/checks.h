@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "us_ct_registration/error.h"
+
+/// Checks of messages that come from outside, before anything is allocated for them. Each throws an
+/// InputError that names `source`, the field, its value and the constraint.
+namespace usct::ros_interface {
+
+inline void require(bool fulfilled, const std::string& source, const std::string& violation) {
+  if (!fulfilled) throw InputError(source, violation);
+}
+
+void require_count(const char* name, std::size_t count, std::size_t wanted,
+                   const std::string& source);
+
+/// The product of the sizes must be the number of values in `data`, which have been received
+/// already: an absurd size is found here, not by an allocation that fails.
+void require_size(std::initializer_list<std::pair<const char*, std::uint32_t>> sizes,
+                  std::size_t data, const std::string& source);
+
+/// zlib's CRC-32 of the bytes of `data`.
+template <typename T>
+std::uint32_t checksum(const std::vector<T>& data);
+
+template <typename T>
+void require_checksum(const std::vector<T>& data, std::uint32_t expected,
+                      const std::string& source);
+
+}  // namespace usct::ros_interface

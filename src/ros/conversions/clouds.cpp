@@ -1,0 +1,123 @@
+#include "ros/conversions/clouds.h"
+
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include "ros/conversions/poses.h"
+#include "us_ct_registration/rendering/surface_labels.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using sensor_msgs::PointField;
+using visualization_msgs::Marker;
+using visualization_msgs::MarkerArray;
+
+constexpr auto kFloat = PointField::FLOAT32;
+
+Marker deletes_all() {
+  Marker marker;
+  marker.pose.orientation.w = 1.0;
+  marker.action = Marker::DELETEALL;
+  return marker;
+}
+
+Marker to_marker(int label, const Surface& surface, const std::string& name,
+                 const std::string& frame) {
+  Marker marker;
+  marker.header.frame_id = frame;
+  marker.ns = name;
+  marker.id = label;
+  marker.type = Marker::TRIANGLE_LIST;
+  marker.action = Marker::ADD;
+  marker.pose.orientation.w = 1.0;
+  marker.scale.x = marker.scale.y = marker.scale.z = 1.0;
+  const auto [red, green, blue] = label_colour(label);
+  marker.color.r = red;
+  marker.color.g = green;
+  marker.color.b = blue;
+  marker.color.a = 1.0F;
+  marker.frame_locked = true;
+  marker.points.reserve(3 * surface.triangles.size());
+  for (const auto& triangle : surface.triangles)
+    for (const std::uint32_t corner : triangle)
+      marker.points.push_back(to_message(surface.points_mm[corner]));
+  return marker;
+}
+
+sensor_msgs::PointCloud2 cloud_of(std::size_t points, const char* fourth_field,
+                                  PointField::_datatype_type fourth_type) {
+  sensor_msgs::PointCloud2 cloud;
+  cloud.height = 1;
+  cloud.is_dense = 1;
+  sensor_msgs::PointCloud2Modifier modifier(cloud);
+  modifier.setPointCloud2Fields(4, "x", 1, kFloat, "y", 1, kFloat, "z", 1, kFloat, fourth_field, 1,
+                                fourth_type);
+  modifier.resize(points);
+  return cloud;
+}
+
+void set_point(const Eigen::Vector3d& p_mm, sensor_msgs::PointCloud2Iterator<float>& xyz) {
+  for (int axis = 0; axis < 3; ++axis) xyz[axis] = static_cast<float>(p_mm[axis] / kMmPerM);
+}
+
+}  // namespace
+
+sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
+                                    const std_msgs::Header& header) {
+  sensor_msgs::PointCloud2 cloud = cloud_of(points.size(), "intensity", kFloat);
+  cloud.header = header;
+  sensor_msgs::PointCloud2Iterator<float> value(cloud, "x");
+  for (const CloudPoint& point : points) {
+    set_point(point.p_mm, value);
+    value[3] = point.intensity;
+    ++value;
+  }
+  return cloud;
+}
+
+sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
+                                   const std::string& frame) {
+  std::size_t count = 0;
+  for (const auto& [label, surface] : surfaces) count += surface.points_mm.size();
+  sensor_msgs::PointCloud2 cloud = cloud_of(count, "label", PointField::UINT32);
+  cloud.header.frame_id = frame;
+  sensor_msgs::PointCloud2Iterator<float> xyz(cloud, "x");
+  sensor_msgs::PointCloud2Iterator<std::uint32_t> number(cloud, "label");
+  for (const auto& [label, surface] : surfaces)
+    for (const Eigen::Vector3d& p_mm : surface.points_mm) {
+      set_point(p_mm, xyz);
+      *number = static_cast<std::uint32_t>(label);
+      ++xyz;
+      ++number;
+    }
+  return cloud;
+}
+
+MarkerArray to_markers(const std::map<int, Surface>& surfaces,
+                       const std::map<int, std::string>& names, const std::string& frame) {
+  MarkerArray array;
+  array.markers.push_back(deletes_all());
+  array.markers.front().header.frame_id = frame;
+  for (const auto& [label, surface] : surfaces)
+    array.markers.push_back(to_marker(label, surface, label_text(label, names), frame));
+  return array;
+}
+
+MarkerArray placed(const MarkerArray& surfaces_ct, const std::string& frame,
+                   const std::optional<Eigen::Isometry3d>& T_frame_ct, double alpha) {
+  MarkerArray result;
+  if (!T_frame_ct) {
+    result.markers.push_back(deletes_all());
+    return result;
+  }
+  result = surfaces_ct;
+  const geometry_msgs::Pose pose = to_pose_message(*T_frame_ct);
+  for (Marker& marker : result.markers) {
+    marker.header.frame_id = frame;
+    marker.pose = pose;
+    marker.color.a = static_cast<float>(alpha);
+  }
+  return result;
+}
+
+}  // namespace usct::ros_interface

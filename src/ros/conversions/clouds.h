@@ -1,0 +1,40 @@
+#pragma once
+
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <Eigen/Geometry>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/rendering/point_clouds.h"
+#include "us_ct_registration/rendering/surface.h"
+
+/// Clouds and surfaces as messages.
+namespace usct::ros_interface {
+
+/// x, y, z (m) and intensity, 32-bit floats.
+sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
+                                    const std_msgs::Header& header);
+
+/// The points of surfaces by label: x, y, z (float32, m) and label (uint32). The stamp is 0: they
+/// hold whenever tf knows the CT.
+sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
+                                   const std::string& frame);
+
+/// First a marker that deletes those of the CT before; then a TRIANGLE_LIST per surface, whose id
+/// is the label and whose namespace its name. The stamp is 0, as for `to_points`.
+visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
+                                           const std::map<int, std::string>& names,
+                                           const std::string& frame);
+
+/// The markers of the CT's surfaces placed in another frame, which needs no tf, with opacity
+/// `alpha`. If the place is not known, a marker that deletes all.
+visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
+                                       const std::string& frame,
+                                       const std::optional<Eigen::Isometry3d>& T_frame_ct,
+                                       double alpha);
+
+}  // namespace usct::ros_interface

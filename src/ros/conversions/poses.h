@@ -1,0 +1,30 @@
+#pragma once
+
+#include <geometry_msgs/Point.h>
+#include <geometry_msgs/Pose.h>
+#include <geometry_msgs/Transform.h>
+
+#include <Eigen/Geometry>
+#include <string>
+
+/// Points and transforms between the core (millimetres) and messages (metres).
+///
+/// The files of conversions/ are the only place where core and messages meet. What comes from a
+/// message is checked before anything is allocated for it: sizes against the data that are there,
+/// checksums, numbers, geometry. A violation is an InputError that names `source`, the field, its
+/// value and the constraint.
+namespace usct::ros_interface {
+
+constexpr double kMmPerM = 1000.0;
+
+Eigen::Vector3d point_from_message_mm(const geometry_msgs::Point& point_m);
+geometry_msgs::Point to_message(const Eigen::Vector3d& point_mm);
+
+/// The quaternion must have length 1 within 1e-3 (an all-zero one is not a rotation).
+Eigen::Isometry3d from_message_mm(const geometry_msgs::Transform& transform_m,
+                                  const std::string& source);
+Eigen::Isometry3d from_message_mm(const geometry_msgs::Pose& pose_m, const std::string& source);
+geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm);
+geometry_msgs::Pose to_pose_message(const Eigen::Isometry3d& T_mm);
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,80 @@
+#include "ros/conversions/registration_result.h"
+
+#include <limits>
+
+#include "ros/conversions/poses.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+
+std::uint8_t status_code(RegistrationStatus status) {
+  switch (status) {
+    case RegistrationStatus::kFailed:
+      return msg::StatusCode::FAILED;
+    case RegistrationStatus::kRegistered:
+      return msg::StatusCode::REGISTERED;
+    case RegistrationStatus::kLowConfidence:
+      return msg::StatusCode::LOW_CONFIDENCE;
+    case RegistrationStatus::kNoOverlap:
+      return msg::StatusCode::NO_OVERLAP;
+    case RegistrationStatus::kCancelled:
+      return msg::StatusCode::CANCELLED;
+  }
+  return msg::StatusCode::FAILED;
+}
+
+std::vector<msg::Measure> to_messages(const std::map<std::string, double>& numbers) {
+  std::vector<msg::Measure> messages;
+  for (const auto& [name, value] : numbers) {
+    msg::Measure measure;
+    measure.name = name;
+    measure.value = value;
+    messages.push_back(measure);
+  }
+  return messages;
+}
+
+void fill_measures(const RegistrationResult& result, msg::RegistrationResult& message) {
+  message.measures = to_messages(by_name(result.measures));
+  message.expected_error = std::numeric_limits<double>::quiet_NaN();
+  if (result.measures.expected_error_mm)
+    message.expected_error = *result.measures.expected_error_mm / kMmPerM;
+}
+
+/// From (rotation, translation) in rad and mm to (translation, rotation) in m and rad.
+void fill_covariance(const Eigen::Matrix<double, 6, 6>& core, msg::RegistrationResult& message) {
+  for (int row = 0; row < 6; ++row)
+    for (int column = 0; column < 6; ++column) {
+      const double unit = (row < 3 ? kMmPerM : 1.0) * (column < 3 ? kMmPerM : 1.0);
+      message.covariance[static_cast<std::size_t>(6 * row + column)] =
+          core((row + 3) % 6, (column + 3) % 6) / unit;
+    }
+}
+
+}  // namespace
+
+msg::RegistrationResult to_message(const RegistrationResult& result) {
+  msg::RegistrationResult message;
+  message.status.code = status_code(result.status);
+  message.status.message = result.message;
+  if (result.T_us_ct) message.transform = to_message(*result.T_us_ct);
+  if (result.covariance) fill_covariance(*result.covariance, message);
+  message.similarity = result.similarity;
+  message.overlap = result.overlap;
+  for (const RegistrationCandidate& candidate : result.candidates) {
+    msg::RegistrationCandidate one;
+    one.transform = to_message(candidate.T_us_ct);
+    one.similarity = candidate.similarity;
+    one.overlap = candidate.overlap;
+    message.candidates.push_back(one);
+  }
+  fill_measures(result, message);
+  message.durations = to_messages(result.seconds);
+  message.evaluations = static_cast<std::uint32_t>(result.evaluations);
+  message.version = result.version;
+  return message;
+}
+
+}  // namespace usct::ros_interface

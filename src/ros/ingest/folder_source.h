@@ -1,0 +1,38 @@
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <mutex>
+#include <string>
+
+#include "ros/ingest/ingest_parameters.h"
+#include "ros/ingest/ingest_source.h"
+#include "ros/ingest/watched_folder.h"
+
+namespace usct::ros_interface {
+
+/// Publishes each file that appears in a folder, once it is written to its end. A file that cannot
+/// be read is reported, and the source goes on.
+class FolderSource : public IngestSource {
+ public:
+  /// Throws InputError if the folder cannot be read.
+  FolderSource(::ros::NodeHandle node, const FileOptions& file, const FolderOptions& folder,
+               PublishVolume publish);
+
+  void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
+
+ private:
+  void look();
+  void take(const std::filesystem::path& path);
+  void set_error(const std::string& error);
+
+  const FileOptions file_;
+  const PublishVolume publish_;
+  std::mutex looking_;  // guards folder_; held while files are read
+  WatchedFolder folder_;
+  std::mutex mutex_;   // guards error_
+  std::string error_;  // of the last file or of the folder; empty if the last file was published
+  ::ros::WallTimer timer_;  // last: its callback uses all of the above
+};
+
+}  // namespace usct::ros_interface

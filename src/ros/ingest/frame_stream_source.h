@@ -1,0 +1,76 @@
+#pragma once
+
+#include <ros/node_handle.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <us_ct_registration/PreScanFrame.h>
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ros/conversions/frames.h"
+#include "ros/ingest/ingest_parameters.h"
+#include "ros/ingest/ingest_source.h"
+
+namespace usct::ros_interface {
+
+/// Poses of a tracked probe's array by tf.
+class ArrayPoses {
+ public:
+  ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& options);
+
+  /// Sets the frame's pose at its stamp minus the image lag, or the problem why there is none.
+  /// Waits for tf until `deadline`.
+  void look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const;
+
+ private:
+  const std::string us_frame_;
+  const ::ros::Duration image_lag_;
+  tf2_ros::Buffer buffer_;
+  tf2_ros::TransformListener listener_;
+};
+
+/// Assembles the frames of the topic `us/frames` to sweeps, and compares images with poses to find
+/// a lag that nobody told of.
+class FrameStreamSource : public IngestSource {
+ public:
+  FrameStreamSource(::ros::NodeHandle node, const FrameStreamOptions& options,
+                    PublishVolume publish);
+
+  void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
+
+ private:
+  void on_frame(const ::ros::MessageEvent<us_ct_registration::PreScanFrame const>& event);
+  std::vector<EndedSweep> assemble(const us_ct_registration::PreScanFrame::ConstPtr& message,
+                                   const ::ros::Time& receipt);
+  void check_pause();
+  /// Publishes what was assembled and logs what was refused. `mutex_` must be held, so that volumes
+  /// come out in the order of their sweeps.
+  void publish(const std::vector<EndedSweep>& sweeps);
+  void check_lags(const std::vector<EndedSweep>& sweeps);
+  void check_lag(const PreScanVolume& volume);
+  void describe_frames(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  const FrameStreamOptions options_;
+  const PublishVolume publish_;
+  std::unique_ptr<const ArrayPoses> poses_;  // null: tf is not asked
+
+  std::mutex mutex_;  // guards what follows, up to reported_at_
+  SweepAssembler assembler_;
+  int frames_in_work_ = 0;
+  std::uint64_t refused_ = 0;
+  std::string refusal_;  // of the last sweep; empty if it was published
+  std::string lag_;      // by the images of the last tracked sweep
+  std::string lag_warning_;
+  std::uint64_t reported_frames_ = 0;
+  ::ros::WallTime reported_at_;
+
+  // Last: their callbacks use all of the above.
+  ::ros::Subscriber subscriber_;
+  ::ros::WallTimer pause_timer_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <diagnostic_updater/DiagnosticStatusWrapper.h>
+#include <us_ct_registration/PreScanVolume.h>
+
+#include <functional>
+
+namespace usct::ros_interface {
+
+/// Publishes a volume. May be called from any thread.
+using PublishVolume = std::function<void(const us_ct_registration::PreScanVolumeConstPtr&)>;
+
+/// Where ultrasound comes from. A source that exists is at work: it hands each volume to the
+/// PublishVolume that it was made with.
+class IngestSource {
+ public:
+  IngestSource() = default;
+  virtual ~IngestSource() = default;
+  IngestSource(const IngestSource&) = delete;
+  IngestSource& operator=(const IngestSource&) = delete;
+
+  /// Adds the source's problems to the summary, and its numbers to the values.
+  virtual void describe(diagnostic_updater::DiagnosticStatusWrapper& status) = 0;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/ros.h>
+#include <us_ct_registration/PreScanVolume.h>
+
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "ros/ingest/ingest_parameters.h"
+#include "ros/ingest/ingest_source.h"
+
+namespace usct::ros_interface {
+
+/// Reads ultrasound from a file, a watched folder or streamed frames and publishes it as volumes on
+/// `us/volume` (latched). docs/nodes/us_ingest.md has topics, parameters and behaviours.
+class UsIngest {
+ public:
+  /// Throws InputError for a parameter that is unknown or out of range, and for a file or folder
+  /// that cannot be read.
+  UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
+
+ private:
+  std::unique_ptr<IngestSource> make_source(const IngestParameters& parameters);
+  void publish(const us_ct_registration::PreScanVolumeConstPtr& volume);
+  void report(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  ::ros::NodeHandle node_;
+  std::string source_name_;
+  ::ros::Publisher volume_publisher_;
+
+  std::mutex mutex_;  // guards what follows, up to last_volume_stamp_
+  std::uint64_t published_ = 0;
+  ::ros::Time last_volume_stamp_;
+
+  diagnostic_updater::Updater diagnostics_;
+  // Last: their callbacks use all of the above.
+  std::unique_ptr<IngestSource> source_;
+  ::ros::WallTimer diagnostics_timer_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <us_ct_registration/RegistrationResult.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "ros/registrar.h"
+
+namespace usct::ros_interface {
+
+/// A registration to be run.
+struct RegistrationJob {
+  explicit RegistrationJob(const std::string& asked_by);
+  RegistrationJob(const RegistrationJob&) = delete;
+  RegistrationJob& operator=(const RegistrationJob&) = delete;
+
+  /// For people: who asked for it.
+  std::string name;
+  /// Its `cancelled` reads the flag below.
+  RegistrationRequest request;
+  std::atomic<bool> cancelled{false};
+  /// Gets the result. Empty for a continuous registration, which nobody waits for.
+  std::function<void(const us_ct_registration::RegistrationResult&)> done;
+  std::string goal_id;
+
+  bool is_continuous() const { return !done; }
+};
+
+/// Hands registrations from the callbacks that ask for them to the thread that runs them. There is
+/// one place: a request reserves it, then fills it, and keeps it until the request is answered.
+/// May be called from any thread.
+class RegistrationQueue {
+ public:
+  using Job = std::shared_ptr<RegistrationJob>;
+
+  /// Reserves the place for the request `name` and cancels a continuous registration that runs. If
+  /// the place is taken, or after `stop`, returns the reason in words.
+  std::optional<std::string> reserve(const std::string& name);
+  /// Fills the place that the caller has reserved. Who reserves must put: the worker does not end
+  /// before.
+  void put(const Job& job);
+  /// Cancels the request with this goal, if it waits or runs.
+  void cancel(const std::string& goal_id);
+
+  /// Cancels what runs. From then on `reserve` refuses; a request that has the place is still
+  /// handed out, cancelled, so that it is answered.
+  void stop();
+  bool is_stopping() const;
+  /// Makes `next` ask for a continuous registration again.
+  void wake();
+
+  /// Waits for the next registration, which runs from then on: the request that fills the place or,
+  /// while the place is free, what `continuous` returns (null: nothing to do). Returns null once it
+  /// is stopped and all requests are answered.
+  Job next(const std::function<Job()>& continuous);
+  /// Says that the registration has ended, and frees its place.
+  void finished(const RegistrationJob& job);
+  /// Name of what runs; empty: nothing.
+  std::string running() const;
+
+ private:
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  std::string reserved_;  // name of the request that has the place; empty: none
+  Job pending_;           // fills the place, is not yet handed out
+  Job running_;
+};
+
+}  // namespace usct::ros_interface

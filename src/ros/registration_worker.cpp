@@ -1,0 +1,35 @@
+#include "ros/registration_worker.h"
+
+#include <omp.h>
+
+namespace usct::ros_interface {
+
+RegistrationWorker::RegistrationWorker(RegistrationQueue& queue, Work work)
+    : queue_(queue), work_(std::move(work)), thread_([this] { loop(); }) {}
+
+RegistrationWorker::~RegistrationWorker() {
+  queue_.stop();
+  thread_.join();
+}
+
+RegistrationQueue::Job RegistrationWorker::continuous_job() {
+  if (!work_.newest) return nullptr;
+  const HeldVolumes::Ready ready = work_.newest();
+  if (ready.number == continued_) return nullptr;
+  continued_ = ready.number;
+  auto job = std::make_shared<RegistrationJob>("continuous");
+  job->request.us_stamp = ready.stamp;
+  return job;
+}
+
+void RegistrationWorker::loop() {
+  if (work_.threads > 0) omp_set_num_threads(work_.threads);
+  while (const RegistrationQueue::Job job = queue_.next([this] { return continuous_job(); })) {
+    const us_ct_registration::RegistrationResult result = work_.run(*job);
+    // The place is free before the answer is out: the caller may ask again at once.
+    queue_.finished(*job);
+    if (job->done) job->done(result);
+  }
+}
+
+}  // namespace usct::ros_interface

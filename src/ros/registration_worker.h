@@ -1,0 +1,44 @@
+#pragma once
+
+#include <us_ct_registration/RegistrationResult.h>
+
+#include <cstdint>
+#include <functional>
+#include <thread>
+
+#include "ros/held_volumes.h"
+#include "ros/registration_queue.h"
+
+namespace usct::ros_interface {
+
+/// The thread that registers: it takes registrations from a queue and runs them one at a time.
+class RegistrationWorker {
+ public:
+  struct Work {
+    /// OpenMP's threads; 0: OpenMP's own choice.
+    int threads = 0;
+    /// The newest ultrasound, each of which is registered once while no request waits; empty: only
+    /// requests are registered.
+    std::function<HeldVolumes::Ready()> newest;
+    /// Runs one registration. Must not throw.
+    std::function<us_ct_registration::RegistrationResult(RegistrationJob&)> run;
+  };
+
+  /// Starts the thread. The queue, and what `work` uses, must outlive the worker.
+  RegistrationWorker(RegistrationQueue& queue, Work work);
+  /// Stops the queue, cancels what runs, answers the request that waits, and joins the thread.
+  ~RegistrationWorker();
+  RegistrationWorker(const RegistrationWorker&) = delete;
+  RegistrationWorker& operator=(const RegistrationWorker&) = delete;
+
+ private:
+  void loop();
+  RegistrationQueue::Job continuous_job();
+
+  RegistrationQueue& queue_;
+  const Work work_;
+  std::uint64_t continued_ = 0;  // number of the ultrasound that was last registered continuously
+  std::thread thread_;           // last: it uses what is above
+};
+
+}  // namespace usct::ros_interface

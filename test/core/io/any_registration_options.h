@@ -1,0 +1,258 @@
+#pragma once
+
+#include <rapidcheck.h>
+
+#include <initializer_list>
+#include <limits>
+#include <vector>
+
+#include "us_ct_registration/registration/registration_options.h"
+
+/// Any options that are valid. Structured bindings hold every field of a struct, and sizes are held
+/// where a struct is derived: a new field does not compile until it is here, and so must come back
+/// from a file.
+namespace usct::test {
+
+inline double between(double low, double high) {
+  constexpr int kSteps = 1 << 30;
+  return low + (high - low) * *rc::gen::inRange(0, kSteps + 1) / kSteps;
+}
+template <typename Enum>
+Enum one_of(std::initializer_list<Enum> values) {
+  return *rc::gen::elementOf(std::vector<Enum>(values));
+}
+inline bool any_bool() { return *rc::gen::arbitrary<bool>(); }
+inline int any_int(int low, int high) { return *rc::gen::inRange(low, high); }
+inline double finite_or_infinite(double low, double high) {
+  return any_bool() ? std::numeric_limits<double>::infinity() : between(low, high);
+}
+inline std::optional<double> maybe(double low, double high) {
+  return any_bool() ? std::optional<double>() : between(low, high);
+}
+
+inline void randomise(HuWindow& o) {
+  auto& [low_hu, high_hu] = o;
+  low_hu = any_int(-1000, 0);
+  high_hu = any_int(1, 3000);
+}
+inline void randomise(DepthOptions& o) {
+  auto& [min_mm, max_mm, automatic, near_mm, near_limit_mm, share, margin_mm] = o;
+  min_mm = maybe(0, 40);
+  max_mm = maybe(41, 200);
+  automatic = any_bool();
+  near_mm = between(0, 20);
+  near_limit_mm = between(0, 50);
+  share = maybe(0.01, 1);
+  margin_mm = between(0, 9);
+}
+inline void randomise(ConditioningOptions& o) {
+  auto& [normalisation, smoothing, window, least, depth, saturated, contact, shadow, grey, length] =
+      o;
+  normalisation = one_of({Normalisation::kNone, Normalisation::kFlatten, Normalisation::kZScore});
+  smoothing = between(0, 3);
+  window = between(0.1, 20);
+  least = between(0.01, 1);
+  randomise(depth);
+  saturated = maybe(1, 300);
+  contact = between(0, 0.9);
+  shadow = between(0, 0.9);
+  grey = between(0, 255);
+  length = between(0, 30);
+}
+inline void randomise(PatchOptions& o) {
+  auto& [depth_mm, lateral_mm, elevation_mm, share, samples] = o;
+  depth_mm = between(0.1, 50);
+  lateral_mm = finite_or_infinite(0.1, 50);
+  elevation_mm = between(0.1, 50);
+  share = between(0.01, 1);
+  samples = one_of({SampleSubset::kAll, SampleSubset::kHalf});
+}
+inline void randomise(SimulationOptions& o) {
+  auto& [interpolation, outside, window, shift, floor, length, transmission, occlusion, compression,
+         log_a, scale, is_signed, map] = o;
+  interpolation = one_of({Interpolation::kNearest, Interpolation::kTrilinear});
+  outside = between(-100, 100);
+  if (any_bool()) randomise(window.emplace());
+  shift = between(900, 1100);
+  floor = between(1, 100);
+  length = between(0.1, 3);
+  transmission = maybe(0.1, 3);
+  occlusion.by_threshold = any_bool();
+  occlusion.bone_hu = between(300, 900);
+  occlusion.gas_hu = between(-900, -300);
+  occlusion.gradient_hu_per_mm = finite_or_infinite(100, 900);
+  compression = one_of({LogCompression::kReflection, LogCompression::kIntensity});
+  log_a = between(1, 30);
+  scale = between(1, 200);
+  is_signed = any_bool();
+  map = {between(0.5, 2), between(-2000, -1000), any_bool()};
+}
+inline void randomise(FitOptions& o) {
+  auto& [weights, use_background, min_overlap] = o;
+  weights.reset();
+  if (any_bool()) weights = SimulationWeights{between(-2, 2), between(-2, 2), between(-9, 9)};
+  use_background = any_bool();
+  min_overlap = between(0, 1);
+}
+
+inline void randomise(Lc2Options& o) {
+  auto& [channel, ridge, ridge_gradient, positive] = o;
+  channel = one_of({GradientChannel::kMagnitude, GradientChannel::kAlongBeam});
+  ridge = between(0, 99);
+  ridge_gradient = between(0, 99);
+  positive = any_bool();
+}
+inline void randomise(LocalLc2Options& o) {
+  struct Same : Lc2Options {
+    PatchOptions patches;
+    PatchWeighting weighting;
+    double pressed_mm, power;
+  };
+  static_assert(sizeof(LocalLc2Options) == sizeof(Same));
+  randomise(static_cast<Lc2Options&>(o));
+  randomise(o.patches);
+  o.weighting =
+      one_of({PatchWeighting::kCount, PatchWeighting::kDeviation, PatchWeighting::kVariance});
+  o.pressed_mm = between(0, 200);
+  o.power = between(0.25, 8);
+}
+inline void randomise(GlobalLc2Options& o) {
+  static_assert(sizeof(GlobalLc2Options) == sizeof(Lc2Options) + sizeof(PatchOptions));
+  randomise(static_cast<Lc2Options&>(o));
+  randomise(o.patches);
+}
+inline void randomise(NccOptions& o) {
+  auto& [patches] = o;
+  randomise(patches);
+}
+template <typename Histogram>
+void randomise_histogram(Histogram& o) {
+  auto& [patches, bins] = o;
+  randomise(patches);
+  bins = any_int(8, 129);
+}
+inline void randomise(MattesMiOptions& o) { randomise_histogram(o); }
+inline void randomise(NmiOptions& o) { randomise_histogram(o); }
+inline void randomise(CorrelationRatioOptions& o) { randomise_histogram(o); }
+inline void randomise(JointCorrelationRatioOptions& o) {
+  auto& [patches, bins, gradient_bins, gradient_scale, prior_samples] = o;
+  randomise(patches);
+  bins = any_int(8, 129);
+  gradient_bins = any_int(2, 33);
+  gradient_scale = between(0.1, 100);
+  prior_samples = between(0, 100);
+}
+inline void randomise(SimulatedLc2Options& o) {
+  auto& [simulation, fit] = o;
+  randomise(simulation);
+  randomise(fit);
+}
+inline void randomise(SimilarityOptions& o) {
+  const std::vector<std::string> names = similarity_names();
+  o = similarity_named(*rc::gen::elementOf(names), "test");
+  std::visit([](auto& metric) { randomise(metric); }, o);
+}
+
+inline void randomise(StartOptions& o) {
+  auto& [region, count, rotation_rad, translation_mm] = o;
+  region = one_of({StartRegion::kBox, StartRegion::kBall});
+  count = any_int(1, 100000);
+  rotation_rad = between(0, region == StartRegion::kBox ? 1.8 : 3.14);
+  translation_mm = between(0, 100);
+}
+/// The seed is not in files: a registration passes its own on.
+inline void randomise(OptimizerOptions& o) {
+  auto& [method, seed, evaluations, step, tolerance, cost, population] = o;
+  static_cast<void>(seed);
+  method = one_of({OptimizerMethod::kCmaEs, OptimizerMethod::kBobyqa, OptimizerMethod::kNelderMead,
+                   OptimizerMethod::kPraxis});
+  evaluations = any_int(0, 100000);
+  step = between(1, 10);
+  tolerance = between(0.001, 0.9);
+  cost = between(0, 1);
+  population = any_bool() ? 0 : any_int(5, 100);
+}
+inline void randomise(ClimbOptions& o) {
+  auto& [spacing, similarity, optimizer, reach] = o;
+  spacing = maybe(0.1, 10);
+  randomise(similarity);
+  randomise(optimizer);
+  reach = between(10, 100);
+}
+inline void randomise(LevelOptions& o) {
+  static_assert(sizeof(LevelOptions) == sizeof(ClimbOptions) + 2 * sizeof(int));
+  randomise(static_cast<ClimbOptions&>(o));
+  o.optimised = any_int(1, 100);
+  o.kept = any_int(1, o.optimised + 1);
+}
+inline void randomise(RoundOptions& o) {
+  auto& [most, growth, breadth, deciding_breadth, near_share] = o;
+  most = any_int(1, 7);
+  growth = any_int(1, 17);
+  breadth = any_int(1, 65);
+  deciding_breadth = any_int(1, 65);
+  near_share = between(0.01, 1);
+}
+inline void randomise(SearchOptions& o) {
+  auto& [starts, levels, rounds, distinct_mm, most_optima, margin_mm, most_turn_rad] = o;
+  starts.reset();
+  if (any_bool()) randomise(starts.emplace());
+  levels.resize(static_cast<std::size_t>(any_int(1, 5)));
+  for (LevelOptions& level : levels) randomise(level);
+  randomise(rounds);
+  distinct_mm = between(0, 10);
+  most_optima = any_int(1, 100);
+  margin_mm = between(0, 30);
+  most_turn_rad = between(0.1, 3);
+}
+inline void randomise(RefinementOptions& o) {
+  static_assert(sizeof(RefinementOptions) == sizeof(ClimbOptions) + 3 * sizeof(double));
+  randomise(static_cast<ClimbOptions&>(o));
+  o.ct_margin_mm = between(0, 30);
+  const SimilarityNeeds needs = needs_of(o.similarity);
+  o.depth_error = needs.follows_depth_error ? between(0, 0.1) : 0.0;
+  o.sweep_error = needs.follows_sweep_error ? between(0, 0.1) : 0.0;
+}
+inline void randomise(GateLimits& o) {
+  auto& [overlap, significance, margin, disagreement, displacement, scatter] = o;
+  overlap = maybe(0, 1);
+  significance = maybe(-9, 99);
+  margin = maybe(0, 1);
+  disagreement = maybe(0, 9);
+  displacement = maybe(1, 99);
+  scatter = maybe(0, 9);
+}
+inline void randomise(ConfidenceOptions& o) {
+  auto& [gates, background, rival_mm, scatter, factor, systematic] = o;
+  randomise(gates);
+  auto& [count, spread_rad, spread_mm, away_mm] = background;
+  count = any_int(16, 500);
+  spread_rad = between(0.1, 1.5);
+  spread_mm = between(1, 50);
+  away_mm = between(0, 30);
+  rival_mm = between(0, 30);
+  auto& [similarity, around_mm, least_curvature] = scatter;
+  randomise(similarity);
+  around_mm = between(0.1, 9);
+  least_curvature = between(0.001, 1);
+  factor = between(0.1, 9);
+  systematic = between(0, 3);
+}
+inline RegistrationOptions any_options() {
+  RegistrationOptions options;
+  auto& [beams, window, outside_hu, spacing, conditioning, search, refinement, confidence, seed] =
+      options;
+  beams = one_of({BeamKind::kAny, BeamKind::kParallel});
+  randomise(window);
+  outside_hu = any_int(0, 2);
+  spacing = maybe(0.1, 5);
+  randomise(conditioning);
+  randomise(search);
+  refinement.reset();
+  if (any_bool()) randomise(refinement.emplace());
+  randomise(confidence);
+  seed = *rc::gen::arbitrary<std::uint32_t>();
+  return options;
+}
+
+}  // namespace usct::test

@@ -1,0 +1,141 @@
+#include <gtest/gtest.h>
+
+#include "core/io/example_volumes.h"
+#include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
+#include "core/io/itk_oracle.h"
+#include "core/io/temporary_folder.h"
+#include "core/io/volume_headers.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
+
+namespace usct {
+namespace {
+
+namespace fs = std::filesystem;
+using test::expect_input_error;
+using test::expect_near_grid;
+using test::expect_refused;
+using test::grid_of;
+using test::kBigEndianVoxels;
+using test::kVoxels;
+using test::replaced;
+using test::TemporaryFolder;
+using test::write_text;
+
+const std::string kNrrd =
+    "NRRD0005\n# comment\ntype: short\ndimension: 3\nspace: right-anterior-superior\n"
+    "sizes: 2 1 3\nspace directions: (0,2,0) (0,0,3) (-1,0,0)\nkinds: domain domain domain\n"
+    "endian: big\nencoding: raw\nspace origin: (10,20,30)\nspace units: \"mm\" \"mm\" \"mm\"\n"
+    "key:=value: with colon\n\n";
+TEST(Nrrd, RasAndBigEndianAsTheFormatDefinesThem) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.nrrd";
+  write_text(path, kNrrd + kBigEndianVoxels);
+  const CtVolume volume = read_volume<std::int16_t>(path);
+  EXPECT_EQ(volume.voxels, kVoxels);
+  // Right becomes minus left, anterior minus posterior.
+  EXPECT_EQ(volume.grid.origin_mm, Eigen::Vector3d(-10, -20, 30));
+  EXPECT_EQ(volume.grid.spacing_mm, Eigen::Vector3d(2, 3, 1));
+  EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(-9, -22, 33));
+  EXPECT_EQ(test::read_by_itk(path).voxels, kVoxels);
+  expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
+}
+
+TEST(Nrrd, DetachedDataWithBytesBefore) {
+  const TemporaryFolder folder;
+  const fs::path header = folder.path() / "a.nhdr";
+  write_text(folder.path() / "a.bin", "123" + kBigEndianVoxels);
+  for (const char* skip : {"byte skip: 3\n", "byte skip: -1\n"}) {
+    write_text(header,
+               replaced(kNrrd, "encoding", std::string("data file: a.bin\n") + skip + "encoding"));
+    EXPECT_EQ(read_volume<std::int16_t>(header).voxels, kVoxels);
+  }
+  fs::remove(folder.path() / "a.bin");
+  expect_input_error([&] { read_volume<std::int16_t>(header); }, {"a.bin", "does not exist"});
+}
+
+TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
+  const TemporaryFolder folder;
+  expect_refused(
+      folder.path() / "a.nrrd", kNrrd, kBigEndianVoxels,
+      {{"NRRD0005", "NRRD0009", {"NRRD0009"}},
+       {"dimension: 3", "dimension: 4", {"'dimension'", "4", "3"}},
+       {"sizes: 2 1 3", "sizes: 2 1", {"'sizes'", "3 numbers"}},
+       {"sizes: 2 1 3", "sizes: 2 0 3", {"size", "2 0 3", ">= 1"}},
+       {"sizes: 2 1 3", "sizes: 2 1 4", {"'sizes'", "16 bytes", "12"}},
+       {"sizes: 2 1 3", "sizes: 2 1 2", {"'sizes'", "8 bytes", "12"}},
+       {"sizes: 2 1 3", "sizes: 2000000000 2000000000 2000000000", {"size"}},
+       {"sizes: 2 1 3", "sizes: 2 1 99999999999", {"'sizes'", "99999999999"}},
+       {"type: short", "type: block", {"'type'", "block"}},
+       {"encoding: raw", "encoding: bzip2", {"'encoding'", "bzip2"}},
+       {"encoding: raw", "encoding: gzip", {"damaged"}},
+       {"endian: big\n", "", {"'endian'", "missing"}},
+       {"space: right-anterior-superior\n", "", {"'space'", "missing"}},
+       {"right-anterior-superior", "scanner-xyz", {"'space'", "scanner-xyz"}},
+       {"space origin: (10,20,30)\n", "", {"'space origin'", "missing"}},
+       {"(10,20,30)", "(10,20)", {"'space origin'"}},
+       {"(10,20,30)", "(10,20,nan)", {"'space origin'", "nan"}},
+       {"space directions: (0,2,0) (0,0,3) (-1,0,0)\n", "", {"'space directions'", "missing"}},
+       {"(0,2,0)", "none", {"'space directions'", "none"}},
+       {"(0,2,0)", "(0,nan,0)", {"'space directions'", "nan"}},
+       {"(0,2,0)", "(0,0,0)", {"'space directions'", "> 0"}},
+       {"(0,2,0)", "(0,2,0.2)", {"'space directions'", "90", "sheared"}},
+       {"kinds: domain", "kinds: vector", {"'kinds'", "vector"}},
+       {"\"mm\" \"mm\"", "\"mm\" \"um\"", {"'space units'", "um"}},
+       {"endian: big", "endian: big\nendian: little", {"'endian'", "twice"}},
+       {"# comment", "no colon", {"no colon"}}});
+}
+
+const std::string kMeta =
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = True\n"
+    "CompressedData = False\nTransformMatrix = 0 1 0 0 0 1 1 0 0\nOffset = 10 20 30\n"
+    "ElementSpacing = 2 3 1\nDimSize = 2 1 3\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
+
+TEST(MetaImage, MatrixHoldsOneDirectionAfterTheOther) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.mha";
+  write_text(path, kMeta + kBigEndianVoxels);
+  const CtVolume volume = read_volume<std::int16_t>(path);
+  EXPECT_EQ(volume.voxels, kVoxels);
+  EXPECT_EQ(volume.grid.physical_from_index({1, 0, 0}), Eigen::Vector3d(10, 22, 30));
+  EXPECT_EQ(volume.grid.physical_from_index({0, 1, 0}), Eigen::Vector3d(10, 20, 33));
+  EXPECT_EQ(volume.grid.physical_from_index({0, 0, 1}), Eigen::Vector3d(11, 20, 30));
+  expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
+}
+
+TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
+  const TemporaryFolder folder;
+  expect_refused(
+      folder.path() / "a.mha", kMeta, kBigEndianVoxels,
+      {{"ObjectType = Image", "ObjectType = Mesh", {"'ObjectType'", "Mesh"}},
+       {"NDims = 3", "NDims = 2", {"'NDims'", "2"}},
+       {"DimSize = 2 1 3", "DimSize = 2 1 -3", {"size", "-3", ">= 1"}},
+       {"DimSize = 2 1 3", "DimSize = 60000 60000 60000", {"'DimSize'", "must be the same"}},
+       {"ElementSpacing = 2 3 1\n", "", {"'ElementSpacing'", "missing"}},
+       {"ElementSpacing = 2 3 1", "ElementSpacing = 2 nan 1", {"'ElementSpacing'", "nan"}},
+       {"ElementSpacing = 2 3 1", "ElementSpacing = 2 -3 1", {"'ElementSpacing'", "> 0"}},
+       {"TransformMatrix = 0 1 0 0 0 1 1 0 0\n", "", {"'TransformMatrix'", "missing"}},
+       {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0.1 0", {"'TransformMatrix'"}},
+       {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0", {"'TransformMatrix'", "9 numbers"}},
+       {"Offset = 10 20 30\n", "", {"'Offset'", "missing"}},
+       {"MET_SHORT", "MET_LONG", {"'ElementType'", "MET_LONG"}},
+       {"BinaryDataByteOrderMSB = True\n", "", {"'BinaryDataByteOrderMSB'", "missing"}},
+       {"BinaryData = True", "BinaryData = False", {"'BinaryData'"}},
+       {"CompressedData = False", "CompressedData = True", {"damaged"}},
+       {"NDims = 3", "NDims = 3\nElementNumberOfChannels = 3", {"'ElementNumberOfChannels'"}},
+       {"ElementDataFile = LOCAL", "ElementDataFile = gone.raw", {"gone.raw", "does not exist"}},
+       {"ElementDataFile = LOCAL", "ElementDataFile = LIST", {"'ElementDataFile'", "LIST"}},
+       {"ElementDataFile = LOCAL\n", "", {"must be 'Field = value'"}}});
+}
+
+TEST(MetaImage, HeaderIsNotThereWithoutItsVoxels) {
+  const TemporaryFolder folder;
+  const fs::path header = folder.path() / "a.mhd";
+  fs::create_directory(folder.path() / "a.raw");  // in the way
+  expect_input_error([&] { write_volume(test::sampled(test::example_grids()[0].grid), header); },
+                     {"a.raw"});
+  EXPECT_FALSE(fs::exists(header));
+}
+
+}  // namespace
+}  // namespace usct

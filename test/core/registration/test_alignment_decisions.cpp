@@ -1,0 +1,208 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "us_ct_registration/registration/alignment_decisions.h"
+
+namespace usct {
+namespace {
+
+using Code = DecisionAnswer::Code;
+using testing::HasSubstr;
+
+constexpr std::uint32_t kCt = 77;
+constexpr std::uint32_t kOtherCt = 78;
+constexpr std::int64_t kNow = 500'000'000'000;
+
+OfferedResult registered(std::uint32_t id) {
+  OfferedResult result;
+  result.registered = true;
+  result.digest = 1000 + id;
+  Alignment& alignment = result.alignment;
+  alignment.us_stamp_ns = 1'000'000'000 * std::int64_t{100 + id};
+  alignment.result_id = id;
+  alignment.fixed_frame = "base";
+  alignment.ct_frame = "ct";
+  alignment.T_fixed_ct = {{0.5 * id, 0.0, 0.0}, Eigen::Quaterniond::Identity()};
+  alignment.expected_error_m = 0.001;
+  alignment.ct_crc32 = kCt;
+  return result;
+}
+
+/// The alignment that is broadcast; fails if there is none.
+Alignment broadcast(const AlignmentDecisions& decisions) {
+  const AlignmentState state = decisions.state();
+  EXPECT_TRUE(state.broadcast) << state.message;
+  return state.broadcast.value_or(Alignment());
+}
+
+AlignmentDecisions::Options automatic() { return {"", true, true}; }
+AlignmentDecisions::Options confirm() { return {"", false, true}; }
+
+StoredAlignment stored_by_another_process() {
+  AlignmentDecisions earlier(automatic());
+  earlier.offer(registered(4), kNow);
+  return earlier.stored();
+}
+
+TEST(AlignmentDecisions, NothingCountsAtFirst) {
+  EXPECT_FALSE(AlignmentDecisions(confirm()).state().broadcast);
+}
+
+TEST(AlignmentDecisions, AWaitingResultIsReplacedByANewerOneAndCannotBeAcceptedByItsOldId) {
+  AlignmentDecisions decisions(confirm());
+  EXPECT_EQ(decisions.offer(registered(1), kNow).code, Code::kDone);
+  EXPECT_EQ(decisions.offer(registered(2), kNow).code, Code::kDone);
+  const DecisionAnswer answer = decisions.accept(1, kNow);
+  EXPECT_EQ(answer.code, Code::kInvalidRequest);
+  EXPECT_THAT(answer.message, HasSubstr("result 1"));
+  EXPECT_THAT(answer.message, HasSubstr("result 2 waits"));
+  EXPECT_EQ(decisions.accept(2, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 1.0);
+  EXPECT_EQ(broadcast(decisions).accepted_ns, kNow);
+}
+
+TEST(AlignmentDecisions, WhatIsNoRegistrationChangesNothing) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  OfferedResult result = registered(2);
+  result.registered = false;
+  result.message = "low confidence";
+  const DecisionAnswer answer = decisions.offer(result, kNow);
+  EXPECT_EQ(answer.code, Code::kNotRegistered);
+  EXPECT_THAT(answer.message, HasSubstr("result 2 is no registration: low confidence"));
+  EXPECT_EQ(broadcast(decisions).result_id, 1U);
+  EXPECT_EQ(decisions.state().waiting_id, 0U);
+}
+
+TEST(AlignmentDecisions, WhatMustNotBeBroadcastIsRefusedByName) {
+  const std::vector<std::pair<std::string, void (*)(Alignment&)>> cases{
+      {"'id' is 0", [](auto& r) { r.result_id = 0; }},
+      {"'fixed_frame' is ''", [](auto& r) { r.fixed_frame.clear(); }},
+      {"'ct_frame' is '/ct'", [](auto& r) { r.ct_frame = "/ct"; }},
+      {"both 'ct'", [](auto& r) { r.fixed_frame = "ct"; }},
+      {"the CT hangs on 'base'", [](auto& r) { r.fixed_frame = "table"; }},
+      {"quaternion has length 0", [](auto& r) { r.T_fixed_ct.rotation.w() = 0.0; }},
+      {"not finite",
+       [](auto& r) { r.T_fixed_ct.translation_m.y() = std::numeric_limits<double>::quiet_NaN(); }},
+      {"another CT", [](auto& r) { r.ct_crc32 = kOtherCt; }}};
+  for (const auto& [reason, damage] : cases) {
+    AlignmentDecisions decisions(automatic());
+    decisions.hold_ct(kCt);
+    decisions.offer(registered(1), kNow);
+    OfferedResult result = registered(2);
+    damage(result.alignment);
+    const DecisionAnswer answer = decisions.offer(result, kNow);
+    EXPECT_EQ(answer.code, Code::kInvalidResult) << reason;
+    EXPECT_THAT(answer.message, HasSubstr(reason));
+    EXPECT_EQ(broadcast(decisions).result_id, 1U) << reason;
+  }
+}
+
+TEST(AlignmentDecisions, OnlyTheConfiguredFixedFrameIsTaken) {
+  AlignmentDecisions decisions({"table", true, true});
+  EXPECT_THAT(decisions.offer(registered(1), kNow).message,
+              HasSubstr("fixed frame is 'base', must be 'table'"));
+  EXPECT_THAT(decisions.restore(stored_by_another_process()).message,
+              HasSubstr("'base', must be 'table'"));
+  decisions.hold_ct(kCt);
+  EXPECT_FALSE(decisions.state().broadcast);
+}
+
+TEST(AlignmentDecisions, AfterRevertingToNoneAnotherFixedFrameMayCome) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  OfferedResult result = registered(2);
+  result.alignment.fixed_frame = "table";
+  EXPECT_EQ(decisions.offer(result, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).fixed_frame, "table");
+}
+
+TEST(AlignmentDecisions, RevertGoesBackThroughABoundedHistory) {
+  AlignmentDecisions decisions(automatic());
+  const auto last = static_cast<std::uint32_t>(AlignmentDecisions::kHistory + 5);
+  for (std::uint32_t id = 1; id <= last; ++id) decisions.offer(registered(id), kNow);
+  EXPECT_EQ(decisions.history(), AlignmentDecisions::kHistory);
+  for (std::size_t i = 1; i <= AlignmentDecisions::kHistory; ++i) {
+    EXPECT_EQ(decisions.revert().code, Code::kDone);
+    EXPECT_EQ(broadcast(decisions).result_id, last - i);
+  }
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.revert().code, Code::kNothingToDecide);
+}
+
+TEST(AlignmentDecisions, AResultThatComesAgainDoesNotUndoADecision) {
+  AlignmentDecisions decisions(automatic());
+  OfferedResult result = registered(1);
+  decisions.offer(result, kNow);
+  decisions.revert();
+  EXPECT_EQ(decisions.offer(result, kNow).code, Code::kNothingToDecide);
+  EXPECT_FALSE(decisions.state().broadcast);
+  // A node that was restarted gives another result the same number.
+  result.digest = 5;
+  EXPECT_EQ(decisions.offer(result, kNow).code, Code::kDone);
+  EXPECT_FALSE(broadcast(decisions).restored);
+}
+
+TEST(AlignmentDecisions, ARestoredAlignmentCountsOnceItsCtIsHeld) {
+  AlignmentDecisions decisions(confirm());
+  EXPECT_EQ(decisions.restore(stored_by_another_process()).code, Code::kDone);
+  EXPECT_FALSE(decisions.state().broadcast);
+  decisions.hold_ct(kOtherCt);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_THAT(decisions.state().message, HasSubstr("another CT"));
+  decisions.hold_ct(kCt);
+  EXPECT_TRUE(broadcast(decisions).restored);
+  EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 2.0);
+  EXPECT_EQ(broadcast(decisions).result_id, 0U);
+}
+
+TEST(AlignmentDecisions, ARestoredAlignmentOfAnUnknownCtWaitsForAPerson) {
+  StoredAlignment stored = stored_by_another_process();
+  stored.alignment->ct_crc32 = 0;
+  AlignmentDecisions decisions(confirm());
+  decisions.restore(stored);
+  decisions.hold_ct(kCt);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_TRUE(broadcast(decisions).restored);
+}
+
+TEST(AlignmentDecisions, ARestoredAlignmentThatNeverCountedIsNothingToGoBackToAndBlocksNothing) {
+  AlignmentDecisions decisions(automatic());
+  decisions.restore(stored_by_another_process());
+  OfferedResult result = registered(9);
+  result.alignment.fixed_frame = "table";
+  EXPECT_EQ(decisions.offer(result, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).fixed_frame, "table");
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_FALSE(decisions.state().broadcast);
+}
+
+TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
+  AlignmentDecisions decisions({"", true, false});
+  decisions.restore(stored_by_another_process());
+  decisions.hold_ct(kCt);
+  EXPECT_FALSE(decisions.state().broadcast) << "it waits for a person";
+  EXPECT_EQ(decisions.reject(0).code, Code::kDone);
+  EXPECT_FALSE(decisions.stored().alignment);
+  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kNothingToDecide);
+}
+
+TEST(AlignmentDecisions, AWaitingResultIsJudgedAgainWhenItIsAccepted) {
+  AlignmentDecisions decisions(confirm());
+  decisions.hold_ct(kCt);
+  decisions.offer(registered(1), kNow);
+  decisions.hold_ct(kOtherCt);
+  const DecisionAnswer answer = decisions.accept(1, kNow);
+  EXPECT_EQ(answer.code, Code::kInvalidRequest);
+  EXPECT_THAT(answer.message, HasSubstr("another CT"));
+  decisions.hold_ct(kCt);
+  EXPECT_EQ(decisions.accept(1, kNow).code, Code::kDone);
+}
+
+}  // namespace
+}  // namespace usct

@@ -1,0 +1,71 @@
+#include <gtest/gtest.h>
+
+#include "core/registration/registration_cases.h"
+#include "registration/image_pyramid.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::test {
+namespace {
+
+using registration::CtInReach;
+using registration::PreparedUltrasound;
+
+TEST(ImagePyramid, SimilaritiesThatShareImagesAreThoseOfTheirOwnOptions) {
+  const RegistrationOptions options = quick_options();
+  const RegistrationCase& images = agar_case();
+  const PreparedUltrasound prepared = registration::prepare_ultrasound(images.us, options);
+  const LevelOptions& level = options.search.levels[1];
+  const CtInReach reach =
+      registration::ct_in_reach(images.ct, prepared.us->beams, images.T_us_ct_true, options.search);
+  const Volume<float> ct = registration::averaged_cts(reach, {level}).front();
+  const auto packed = pack_ct(ct, options.window, options.outside_hu);
+
+  const auto& own = std::get<JointCorrelationRatioOptions>(level.similarity);
+  LocalLc2Options other_metric;  // another metric in the same patches
+  other_metric.patches = own.patches;
+  JointCorrelationRatioOptions other_patches = own;
+  other_patches.patches.depth_mm += 8.0;
+  SimilarityImages shared(prepared.us, packed, nullptr);
+  for (const SimilarityOptions& which :
+       {SimilarityOptions(own), SimilarityOptions(other_metric), SimilarityOptions(other_patches),
+        SimilarityOptions(other_metric)}) {
+    SimilarityImages alone(prepared.us, packed, nullptr);
+    const SimilarityPose pose{images.T_us_ct_true.inverse(), {}};
+    EXPECT_EQ(make_similarity(shared, which)->evaluate(pose).value,
+              make_similarity(alone, which)->evaluate(pose).value);
+  }
+}
+
+TEST(ImagePyramid, ARefinementOnTheDecidingSpacingFindsWhatItWouldFindOnImagesOfItsOwn) {
+  const auto found = [](const RegistrationCase& images, const std::string& spacing_mm) {
+    const RegistrationResult result = registered(
+        images, nearby(images), quick_options("refinement: {spacing_mm: " + spacing_mm + "}\n"));
+    EXPECT_TRUE(result.T_us_ct) << result.message;
+    return result.T_us_ct.value_or(Eigen::Isometry3d::Identity());
+  };
+  for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
+    // The same voxels are averaged for both cases, but over different regions.
+    const double apart_mm =
+        evaluate_targets(found(*images, "2"), found(*images, "2.0001"), images->targets_us_mm)
+            .mean_mm;
+    EXPECT_LT(apart_mm, 0.1);
+  }
+}
+
+TEST(ImagePyramid, OptionsForParallelBeamsRefuseOthers) {
+  const RegistrationOptions thesis_a = parse_registration_options(
+      "preset: thesis_a\nsearch: {levels: {0: {optimizer: {max_evaluations: 3}}}}\n", "test");
+  try {
+    registered(agar_case(), nearby(agar_case()), thesis_a);
+    FAIL() << "the true beams of a curvilinear probe are not parallel";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("--parallel-beams"), std::string::npos);
+  }
+  BeamOptions how;
+  how.parallel_beams_mm = 3.0;
+  const RegistrationCase parallel = case_of(agar_phantom(), agar_phantom().ultrasound, how);
+  EXPECT_NO_THROW(registered(parallel, nearby(parallel), thesis_a));
+}
+
+}  // namespace
+}  // namespace usct::test

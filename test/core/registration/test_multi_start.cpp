@@ -1,0 +1,162 @@
+#include <gtest/gtest.h>
+
+#include "core/registration/analytic_similarity.h"
+#include "registration/multi_start.h"
+#include "us_ct_registration/geometry/angles.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using registration::Candidate;
+using registration::FieldPoints;
+
+using registration::SearchProblem;
+
+Isometry3d turned_about_field(double angle_deg, const Vector3d& axis, const Vector3d& shift_mm) {
+  const Eigen::Translation3d to_middle(0.0, 80.0, 0.0);
+  return Isometry3d(Eigen::Translation3d(shift_mm) * to_middle *
+                    Eigen::AngleAxisd(angle_deg * kDegree, axis.normalized()) *
+                    to_middle.inverse());
+}
+
+SearchOptions two_levels() {
+  SearchOptions options;
+  options.starts->count = 64;
+  options.levels.resize(2);
+  for (LevelOptions& level : options.levels) {
+    level.optimizer.method = OptimizerMethod::kBobyqa;
+    level.optimizer.max_evaluations = 300;
+    level.optimizer.initial_step = 3.0;
+    level.optimizer.step_tolerance = 0.05;
+    level.optimised = 8;
+    level.kept = 4;
+  }
+  return options;
+}
+
+/// Searches from the identity on the same peaks at all levels.
+class Searched {
+ public:
+  Searched(std::vector<Peak> peaks, SearchOptions options)
+      : field_(cube_field()), peaks_(field_, std::move(peaks)), options_(std::move(options)) {}
+
+  std::vector<Candidate> round(int round, std::vector<Candidate> found = {}) {
+    const std::vector<const Similarity*> levels(options_.levels.size(), &peaks_);
+    const SearchProblem problem{levels, options_, initial_, field_, 1};
+    return registration::multi_start(problem, round, std::move(found), run_);
+  }
+  double distance_mm(const Candidate& candidate, const Isometry3d& T_us_ct) const {
+    return field_.distance_mm(candidate.T_us_ct, T_us_ct);
+  }
+  int evaluations() const { return run_.evaluations(); }
+
+ private:
+  FieldPoints field_;
+  PeaksSimilarity peaks_;
+  SearchOptions options_;
+  Isometry3d initial_ = Isometry3d::Identity();
+  RegistrationHooks hooks_;
+  registration::Run run_{hooks_};
+};
+
+const Isometry3d kHigh = turned_about_field(12.0, {1, 2, -1}, {9, -6, 4});
+const Isometry3d kLow = turned_about_field(-15.0, {2, -1, 1}, {-12, 8, -10});
+
+TEST(MultiStart, FindsEachPeakOnceBestFirst) {
+  Searched searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, two_levels());
+  const std::vector<Candidate> optima = searched.round(0);
+  ASSERT_GE(optima.size(), 2U);
+  EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.2);
+  EXPECT_LT(searched.distance_mm(optima[1], kLow), 0.2);
+  EXPECT_NEAR(optima[0].value, 1.0, 0.01);
+  EXPECT_NEAR(optima[1].value, 0.8, 0.01);
+  for (std::size_t i = 2; i < optima.size(); ++i) EXPECT_LT(optima[i].value, 0.8);
+}
+
+TEST(MultiStart, OptimaCloserThanTheDistinctDistanceAreOne) {
+  const Isometry3d beside = Eigen::Translation3d(25.0, 0.0, 0.0) * kHigh;
+  SearchOptions options = two_levels();
+  const auto peaks_found = [&](double distinct_mm) {
+    options.distinct_mm = distinct_mm;
+    Searched searched({{kHigh, 1.0, 6.0}, {beside, 0.9, 6.0}}, options);
+    int found = 0;
+    for (const Candidate& optimum : searched.round(0)) found += optimum.value > 0.8 ? 1 : 0;
+    return found;
+  };
+  EXPECT_EQ(peaks_found(4.0), 2);
+  EXPECT_EQ(peaks_found(40.0), 1);
+}
+
+TEST(MultiStart, KeepsAsManyAsTheOptionsSay) {
+  SearchOptions options = two_levels();
+  options.most_optima = 1;
+  Searched searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, options);
+  const std::vector<Candidate> optima = searched.round(0);
+  ASSERT_EQ(optima.size(), 1U);
+  EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.2);
+}
+
+TEST(MultiStart, ClimbsFromTheInitialPoseAtEveryLevel) {
+  // A peak so narrow that no start but the initial pose is on its slope.
+  const Isometry3d here = Isometry3d(Eigen::Translation3d(1.0, 0.0, 0.5));
+  SearchOptions options = two_levels();
+  options.levels[0].optimised = options.levels[0].kept = 1;  // the wide peak takes the only place
+  Searched searched({{here, 1.0, 1.0}, {kLow, 0.9, 25.0}}, options);
+  const std::vector<Candidate> optima = searched.round(0);
+  ASSERT_FALSE(optima.empty());
+  EXPECT_LT(searched.distance_mm(optima[0], here), 0.2);
+}
+
+TEST(MultiStart, LaterRoundsTakeMoreStartsAndKeepWhatWasFound) {
+  Searched searched({{kHigh, 1.0}}, two_levels());
+  const std::vector<Candidate> first = searched.round(0);
+  const int in_first = searched.evaluations();
+  std::vector<Candidate> before = first;
+  before.front().value = 5.0;  // higher than the similarity of any pose
+  const std::vector<Candidate> second = searched.round(1, before);
+  EXPECT_EQ(second.front().value, 5.0);
+  EXPECT_GT(searched.evaluations() - in_first, in_first);
+}
+
+TEST(MultiStart, ANearRoundFindsANarrowPeakThatTheFirstRoundMisses) {
+  const Isometry3d near = turned_about_field(8.0, {1, 0, 1}, {7, -6, 4});
+  SearchOptions options = two_levels();
+  options.levels[0].optimised = 2;
+  options.levels[0].kept = 1;
+  options.rounds.growth = 16;
+  const auto finds = [&](double near_share) {
+    options.rounds.near_share = near_share;
+    Searched searched({{near, 1.0, 3.0}, {kLow, 0.6, 25.0}}, options);
+    std::vector<Candidate> optima = searched.round(0);
+    EXPECT_GT(searched.distance_mm(optima.front(), near), 5.0);
+    optima = searched.round(1, optima);
+    return searched.distance_mm(optima.front(), near) < 1.0;
+  };
+  EXPECT_TRUE(finds(0.4));
+}
+
+TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
+  const FieldPoints field = cube_field();
+  const NoSimilarity nothing;
+  const SearchOptions options = two_levels();
+  const Isometry3d initial = Isometry3d::Identity();
+  const RegistrationHooks hooks;
+  registration::Run run(hooks);
+  EXPECT_TRUE(
+      registration::multi_start({{&nothing, &nothing}, options, initial, field, 1}, 0, {}, run)
+          .empty());
+}
+
+TEST(MultiStart, WithoutStartsOnlyTheInitialPoseIsClimbedFrom) {
+  SearchOptions options = two_levels();
+  options.starts.reset();
+  Searched searched({{kHigh, 1.0, 30.0}, {kLow, 2.0, 3.0}}, options);
+  const std::vector<Candidate> optima = searched.round(0);
+  ASSERT_EQ(optima.size(), 1U);
+  EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.3);
+}
+
+}  // namespace
+}  // namespace usct::test

@@ -1,0 +1,69 @@
+#include "registration_client.h"
+
+#include <array>
+#include <cstdio>
+
+namespace usct::ros_interface {
+
+std_msgs::Header header(const std::string& frame, const ::ros::Time& stamp) {
+  std_msgs::Header header;
+  header.frame_id = frame;
+  header.stamp = stamp;
+  return header;
+}
+
+msg::PreScanVolume agar_ultrasound(const ::ros::Time& stamp, const std::string& frame) {
+  static const msg::PreScanVolume message =
+      to_message(test::agar_phantom().ultrasound, header("us", ::ros::Time(1.0)));
+  msg::PreScanVolume copy = message;
+  copy.header = header(frame, stamp);
+  return copy;
+}
+
+bool is_zero(const geometry_msgs::Transform& transform) {
+  const auto& t = transform.translation;
+  const auto& r = transform.rotation;
+  return t.x == 0.0 && t.y == 0.0 && t.z == 0.0 && r.x == 0.0 && r.y == 0.0 && r.z == 0.0 &&
+         r.w == 0.0;
+}
+
+Result goal_result(RegistrationClient& client, const msg::RegisterGoal& goal) {
+  EXPECT_TRUE(client.action.waitForServer(kLimit));
+  client.action.sendGoal(goal);
+  EXPECT_TRUE(client.action.waitForResult(kLimit));
+  return client.action.getResult() ? client.action.getResult()->result : Result();
+}
+
+void provide_agar(RegistrationClient& client, unsigned revision) {
+  const ::ros::Time now = ::ros::Time::now();
+  client.send_ct(agar().ct, revision, now - ::ros::Duration(1.0));
+  client.send(agar_ultrasound(now));
+  ASSERT_TRUE(
+      eventually([&] { return client.set(test::nearby(agar()), "us").status.code == Status::OK; }));
+  // A goal that cannot be registered says what is held.
+  ASSERT_TRUE(eventually([&] {
+    msg::RegisterGoal goal;
+    goal.us_stamp = now;
+    goal.use_initial = true;
+    goal.initial.header.frame_id = "nowhere";
+    goal.initial.transform.rotation.w = 1.0;
+    const Result result = goal_result(client, goal);
+    return result.us_stamp == now && result.ct_revision == revision;
+  }));
+}
+
+double error_mm(const Result& result) {
+  return agar().error_mm(from_message_mm(result.transform, "result"));
+}
+
+std::string output_of(const std::string& command) {
+  std::string output;
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) return output;
+  std::array<char, 4096> text{};
+  while (fgets(text.data(), static_cast<int>(text.size()), pipe) != nullptr) output += text.data();
+  output += "\nexit status " + std::to_string(WEXITSTATUS(pclose(pipe)));
+  return output;
+}
+
+}  // namespace usct::ros_interface

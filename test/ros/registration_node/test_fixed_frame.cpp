@@ -1,0 +1,177 @@
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <tf2_ros/transform_broadcaster.h>
+#include <us_ct_registration/Alignment.h>
+
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "registration_client.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::Isometry3d;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// Says all the time where the ultrasound's frame is in "patient".
+class Tracking {
+ public:
+  using Pose = std::function<Isometry3d(double time_s)>;
+  explicit Tracking(Pose pose) : pose_(std::move(pose)), thread_([this] { run(); }) {}
+  ~Tracking() {
+    stopping_ = true;
+    thread_.join();
+  }
+  Isometry3d T_patient_us(const ::ros::Time& time) const { return pose_(time.toSec()); }
+
+ private:
+  void run() {
+    tf2_ros::TransformBroadcaster broadcaster;
+    while (!stopping_) {
+      const ::ros::Time now = ::ros::Time::now();
+      geometry_msgs::TransformStamped transform;
+      transform.header = header("patient", now);
+      transform.child_frame_id = "us";
+      transform.transform = to_message(pose_(now.toSec()));
+      broadcaster.sendTransform(transform);
+      kPoll.sleep();
+    }
+  }
+
+  const Pose pose_;
+  std::atomic<bool> stopping_{false};
+  std::thread thread_;
+};
+
+const Isometry3d kPatientUs = test::rigid({0.3, -0.8, 0.5}, {210, -90, 1500});
+
+TEST(Registration, FixedFrameNeedsTfAtTheStamp) {
+  RegistrationClient client("fixed");
+  client.send_ct(agar().ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  client.send(agar_ultrasound(::ros::Time::now(), "untracked"));
+  EXPECT_THAT(client.call_until_code(Status::TF_UNAVAILABLE).status.message,
+              AllOf(HasSubstr("'untracked'"), HasSubstr("'patient'")));
+
+  const double jump_s = ::ros::Time::now().toSec() + 1.0;
+  const Tracking tracking([&](double time_s) {
+    return time_s < jump_s ? Isometry3d(kPatientUs * test::rigid({0, 0, 0}, {0, 0, 25}))
+                           : kPatientUs;
+  });
+  EXPECT_EQ(client.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
+  client.send(agar_ultrasound(::ros::Time(jump_s)));
+  EXPECT_THAT(client.call_until_code(Status::TF_JUMPED).status.message,
+              AllOf(HasSubstr("moved by"), HasSubstr("'us'"), HasSubstr("'patient'")));
+
+  client.send(agar_ultrasound(::ros::Time::now() + ::ros::Duration(1000.0)));
+  EXPECT_THAT(client.call_until_code(Status::TF_STALE).status.message,
+              AllOf(HasSubstr("'us'"), HasSubstr("before the ultrasound's stamp")));
+  for (const Result& result : client.published()) EXPECT_TRUE(is_zero(result.fixed_transform));
+}
+
+TEST(Registration, ResultIsAnchoredInTheFixedFrame) {
+  RegistrationClient client("fixed");
+  const Tracking tracking([](double) { return kPatientUs; });
+  client.send_ct(agar().ct, 2, ::ros::Time::now() - ::ros::Duration(20.0));
+  EXPECT_EQ(client.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
+  ::ros::Time stamp;
+  ASSERT_TRUE(eventually([&] {
+    stamp = ::ros::Time::now();
+    client.send(agar_ultrasound(stamp));
+    return client.call().status.code == Status::REGISTERED;
+  }));
+  const Result result = client.call();
+  ASSERT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
+  EXPECT_LT(error_mm(result), kGoodMm);
+  EXPECT_EQ(result.fixed_frame, "patient");
+  EXPECT_TRUE(from_message_mm(result.fixed_transform, "result")
+                  .isApprox(kPatientUs * from_message_mm(result.transform, "result"), 1e-6));
+}
+
+/// The patient's phantom, as tracked frames: in a frame that moves, they say the same.
+msg::PreScanVolume seen_from(const Isometry3d& T_patient_us, const ::ros::Time& stamp) {
+  static const phantom::PhantomCase patient = phantom::make_phantom(
+      test::small_phantom(phantom::SceneKind::kPatient, phantom::SweepKind::kTrackedCurvilinear));
+  PreScanVolume volume = patient.ultrasound;
+  auto& sweep = std::get<TrackedSweep>(volume.geometry.motion);
+  sweep.frame_times_s.clear();
+  for (Isometry3d& T : sweep.T_us_frame) T = T_patient_us.inverse() * kPatientUs * T;
+  return to_message(volume, header("us", stamp));
+}
+
+msg::Alignment accepted_alignment(const Isometry3d& T_patient_ct) {
+  msg::Alignment alignment;
+  alignment.header = header("patient", ::ros::Time::now());
+  alignment.state = msg::Alignment::ACCEPTED;
+  alignment.ct_frame = "ct";
+  alignment.transform = to_message(T_patient_ct);
+  alignment.accepted = ::ros::Time::now();
+  return alignment;
+}
+
+TEST(Registration, ContinuousNodeletFollowsTheProbe) {
+  RegistrationClient client("continuous");
+  const test::RegistrationCase& images = test::patient_case();
+  const Tracking tracking([](double time_s) {
+    return Isometry3d(
+        kPatientUs * test::rigid({0.05 * std::sin(time_s), 0, 0}, {15.0 * std::sin(time_s), 0, 0}));
+  });
+  ::ros::Publisher alignment =
+      client.node.advertise<msg::Alignment>("registration/alignment", 1, true);
+  alignment.publish(accepted_alignment(kPatientUs * test::nearby(images)));
+  client.send_ct(images.ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  constexpr std::size_t kWanted = 6;
+  std::vector<Result> registered;
+  EXPECT_TRUE(eventually([&] {
+    const ::ros::Time now = ::ros::Time::now();
+    client.send(seen_from(tracking.T_patient_us(now), now));
+    registered.clear();
+    for (const Result& result : client.published())
+      if (result.status.code == Status::REGISTERED) registered.push_back(result);
+    return registered.size() >= kWanted;
+  })) << registered.size()
+      << " of " << client.published().size()
+      << "; last: " << (client.published().empty() ? "" : client.published().back().status.message);
+  double moved_mm = 0.0;
+  for (const Result& result : registered) {
+    EXPECT_EQ(result.initial_alignment, "accepted");
+    const Isometry3d T_us_ct = from_message_mm(result.transform, "result");
+    const Isometry3d T_patient_us = tracking.T_patient_us(result.us_stamp);
+    const Isometry3d found = from_message_mm(result.fixed_transform, "result");
+    EXPECT_LT(images.error_mm(kPatientUs.inverse() * found), 2.0 * kGoodMm);
+    // tf interpolates between poses that are hundredths of seconds apart.
+    EXPECT_LT(images.error_mm(kPatientUs.inverse() * T_patient_us * T_us_ct), 2.5 * kGoodMm);
+    moved_mm =
+        std::max(moved_mm, (T_us_ct.translation() -
+                            from_message_mm(registered.front().transform, "result").translation())
+                               .norm());
+  }
+  EXPECT_GT(moved_mm, 1.0);
+  for (std::size_t i = 1; i < registered.size(); ++i)
+    EXPECT_GT(registered[i].us_stamp, registered[i - 1].us_stamp);
+}
+
+TEST(Registration, ContinuousNodeletAnswersRequestsAndDiagnoses) {
+  RegistrationClient client("continuous");
+  std::mutex mutex;
+  std::map<std::string, std::string> values;
+  const ::ros::Subscriber diagnostics = client.node.subscribe<diagnostic_msgs::DiagnosticArray>(
+      "/diagnostics", 100, [&](const diagnostic_msgs::DiagnosticArray::ConstPtr& array) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        for (const auto& status : array->status)
+          if (status.name == "continuous/registration: registration")
+            for (const auto& value : status.values) values[value.key] = value.value;
+      });
+  EXPECT_NE(client.call().status.code, Status::BUSY);
+  EXPECT_TRUE(eventually([&] {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return values.count("continuous rate, Hz") > 0 && values["CT revision"] == "1" &&
+           values.count("last status") > 0 && values["ultrasound volumes held"] != "0";
+  }));
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

@@ -1,0 +1,130 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rosbag/bag.h>
+
+#include <fstream>
+
+#include "bag_sweeps.h"
+#include "core/io/temporary_folder.h"
+#include "core/tools/run_usct.h"
+#include "ros/conversions/ct.h"
+#include "ros/conversions/ultrasound.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using test::TemporaryFolder;
+
+struct ReadBack {
+  std::vector<PreScanVolume> volumes;
+  std::vector<std::string> frame_ids;
+  std::vector<CtVolume> cts;
+  std::vector<std::string> warnings;
+};
+
+ReadBack read_back(const std::filesystem::path& bag) {
+  ReadBack found;
+  BagVisitor visitor;
+  visitor.us = [&](const msg::PreScanVolume& volume) {
+    found.volumes.push_back(from_message(volume, "bag"));
+    found.frame_ids.push_back(volume.header.frame_id);
+  };
+  visitor.ct = [&](const msg::CtVolume& ct) { found.cts.push_back(from_message(ct, "bag")); };
+  visitor.warning = [&](const std::string& text) { found.warnings.push_back(text); };
+  visit_acquisition_bag(bag, visitor);
+  return found;
+}
+
+TEST(AcquisitionBag, MotorisedSweepsComeBackBitByBit) {
+  const TemporaryFolder folder;
+  write_acquisition_bag({{motorised(), {}, {}}, {motorised(), {}, {}}}, {}, options_at(100.0),
+                        folder.path() / "a.bag");
+  const ReadBack found = read_back(folder.path() / "a.bag");
+  EXPECT_THAT(found.warnings, testing::IsEmpty());
+  ASSERT_EQ(found.volumes.size(), 2u);
+  const auto written = std::get<MotorSweep>(motorised().geometry.motion);
+  for (const PreScanVolume& volume : found.volumes) {
+    EXPECT_EQ(volume.voxels, motorised().voxels);
+    EXPECT_EQ(std::get<MotorSweep>(volume.geometry.motion).frame_angles_rad,
+              written.frame_angles_rad);
+  }
+}
+
+TEST(AcquisitionBag, TrackedSweepsComeBackFromFramesAndFromTf) {
+  const TemporaryFolder folder;
+  const auto written = std::get<TrackedSweep>(tracked().geometry.motion);
+  for (const bool in_tf : {false, true}) {
+    BagOptions options = options_at(100.0);
+    options.poses_in_tf = in_tf;
+    const std::filesystem::path bag = folder.path() / (in_tf ? "tf.bag" : "frames.bag");
+    write_acquisition_bag({{tracked(), {}, {}}}, {}, options, bag);
+    const ReadBack found = read_back(bag);
+    EXPECT_THAT(found.warnings, testing::IsEmpty());
+    ASSERT_EQ(found.volumes.size(), 1u);
+    EXPECT_EQ(found.frame_ids[0], "us");
+    EXPECT_EQ(found.volumes[0].voxels, tracked().voxels);
+    const auto& sweep = std::get<TrackedSweep>(found.volumes[0].geometry.motion);
+    ASSERT_EQ(sweep.T_us_frame.size(), 4u);
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_TRUE(sweep.T_us_frame[i].isApprox(written.T_us_frame[i], 1e-9));
+      EXPECT_NEAR(sweep.frame_times_s[i], written.frame_times_s[i], 1e-6);
+    }
+  }
+}
+
+TEST(AcquisitionBag, VolumesOfARecordingComeBeforeItsFrames) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "a.bag";
+  write_acquisition_bag({{motorised(), {}, {}}}, {}, options_at(100.0), path);
+  PreScanVolume other = motorised();
+  other.voxels.assign(other.voxels.size(), 9);
+  std_msgs::Header header;
+  header.frame_id = "us";
+  header.stamp = ::ros::Time(101);
+  {
+    rosbag::Bag bag(path.string(), rosbag::bagmode::Append);
+    bag.write("/scanner/volume", header.stamp, to_message(other, header));
+  }
+  const ReadBack found = read_back(path);
+  ASSERT_EQ(found.volumes.size(), 1u);
+  EXPECT_EQ(found.volumes[0].voxels, other.voxels);
+  {
+    rosbag::Bag bag(path.string(), rosbag::bagmode::Append);
+    bag.write("/other/volume", header.stamp, to_message(other, header));
+  }
+  EXPECT_THROW(read_back(path), InputError) << "which of the two topics?";
+}
+
+TEST(AcquisitionBag, WhatIsNoBagIsRefused) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.path() / "no.bag") << "no bag at all";
+  EXPECT_THROW(read_back(folder.path() / "no.bag"), InputError);
+  EXPECT_THROW(read_back(folder.path() / "absent.bag"), InputError);
+}
+
+TEST(BagTool, WritesListsAndReadsBackWhatItWasGiven) {
+  const TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  write_prescan_nrrd(motorised(), path("us.nrrd"));
+  const test::Outcome write = test::run_usct({"bag", "write", "--us", path("us.nrrd"), "--us",
+                                              path("us.nrrd"), "--output", path("a.bag")});
+  ASSERT_EQ(write.exit_status, 0) << write.errors;
+  const test::Outcome info = test::run_usct({"bag", "info", path("a.bag")});
+  EXPECT_THAT(info.output, testing::HasSubstr("ultrasound 1: geometry motorised_curvilinear"));
+  EXPECT_THAT(info.output, testing::HasSubstr("samples_lines_frames [3,2,4]"));
+  const test::Outcome read =
+      test::run_usct({"bag", "read", path("a.bag"), "--us", path("back.nrrd"), "--index", "1"});
+  ASSERT_EQ(read.exit_status, 0) << read.errors;
+  EXPECT_EQ(read_prescan_nrrd(path("back.nrrd")).voxels, motorised().voxels);
+  const test::Outcome beyond =
+      test::run_usct({"bag", "read", path("a.bag"), "--us", path("no.nrrd"), "--index", "2"});
+  EXPECT_EQ(beyond.exit_status, 2);
+  EXPECT_THAT(beyond.errors,
+              testing::HasSubstr("number of sweeps is 2, --index is 2, must be less"));
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

@@ -1,0 +1,91 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include "ros/conversions/clouds.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using visualization_msgs::Marker;
+
+std::map<int, Surface> two_surfaces() {
+  Surface triangle;
+  triangle.points_mm = {{0, 0, 0}, {1000, 0, 0}, {0, 2000, -500}};
+  triangle.triangles = {{0, 1, 2}, {2, 1, 0}};
+  Surface other = triangle;
+  other.triangles.pop_back();
+  return {{2, triangle}, {5, other}};
+}
+
+TEST(CtSurface, MarkersReplaceThoseBeforeAndAreInMetres) {
+  const auto array = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  ASSERT_EQ(array.markers.size(), 3U);
+  EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
+  const Marker& kidney = array.markers[1];
+  EXPECT_EQ(kidney.type, Marker::TRIANGLE_LIST);
+  EXPECT_EQ(kidney.header.frame_id, "ct");
+  EXPECT_EQ(kidney.id, 2);
+  EXPECT_EQ(kidney.ns, "2 kidney");
+  EXPECT_EQ(array.markers[2].ns, "5 label");
+  ASSERT_EQ(kidney.points.size(), 6U);
+  EXPECT_DOUBLE_EQ(kidney.points[2].y, 2.0);
+  EXPECT_DOUBLE_EQ(kidney.points[2].z, -0.5);
+  EXPECT_DOUBLE_EQ(kidney.points[3].y, 2.0);
+  EXPECT_EQ(kidney.color.a, 1.0F);
+  EXPECT_NE(kidney.color, array.markers[2].color);
+}
+
+TEST(CtSurface, PointsHaveTheLabelsOfTheirSurfaces) {
+  const auto cloud = to_points(two_surfaces(), "ct");
+  ASSERT_EQ(cloud.width, 6U);
+  EXPECT_EQ(cloud.header.frame_id, "ct");
+  sensor_msgs::PointCloud2ConstIterator<float> z(cloud, "z");
+  sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
+  std::vector<float> all_z;
+  std::vector<std::uint32_t> labels;
+  for (; z != z.end(); ++z, ++label) {
+    all_z.push_back(*z);
+    labels.push_back(*label);
+  }
+  EXPECT_THAT(all_z, testing::ElementsAre(0, 0, -0.5, 0, 0, -0.5));
+  EXPECT_THAT(labels, testing::ElementsAre(2, 2, 2, 5, 5, 5));
+}
+
+TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
+  visualization_msgs::MarkerArray surfaces;
+  surfaces.markers.resize(2);
+  surfaces.markers[1].header.frame_id = "ct";
+  surfaces.markers[1].color.r = 0.5F;
+  const Eigen::Isometry3d T_patient_ct =
+      Eigen::Translation3d(250.0, 0.0, 0.0) * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ());
+  const visualization_msgs::MarkerArray found = placed(surfaces, "patient", T_patient_ct, 0.5);
+  ASSERT_EQ(found.markers.size(), 2u);
+  EXPECT_EQ(found.markers[1].header.frame_id, "patient");
+  EXPECT_EQ(found.markers[1].pose.position.x, 0.25);
+  EXPECT_EQ(std::abs(found.markers[1].pose.orientation.z), 1.0);
+  EXPECT_EQ(found.markers[1].color.a, 0.5F);
+  EXPECT_EQ(found.markers[1].color.r, 0.5F);
+  const visualization_msgs::MarkerArray none = placed(surfaces, "patient", std::nullopt, 0.5);
+  ASSERT_EQ(none.markers.size(), 1u);
+  EXPECT_EQ(none.markers[0].action, visualization_msgs::Marker::DELETEALL);
+}
+
+TEST(CloudMessage, IsInMetresWithTheIntensityLast) {
+  std_msgs::Header header;
+  header.frame_id = "patient";
+  const sensor_msgs::PointCloud2 cloud =
+      to_message({{{1000.0, -500.0, 250.0}, 42.0F}, {{0.0, 0.0, 1.0}, -100.0F}}, header);
+  EXPECT_EQ(cloud.header.frame_id, "patient");
+  ASSERT_EQ(cloud.width * cloud.height, 2u);
+  const sensor_msgs::PointCloud2ConstIterator<float> x(cloud, "x"), y(cloud, "y"), z(cloud, "z");
+  sensor_msgs::PointCloud2ConstIterator<float> intensity(cloud, "intensity");
+  EXPECT_EQ(*x, 1.0F);
+  EXPECT_EQ(*y, -0.5F);
+  EXPECT_EQ(*z, 0.25F);
+  EXPECT_EQ(*intensity, 42.0F);
+  EXPECT_EQ(*(intensity + 1), -100.0F);
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

@@ -1,0 +1,125 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <stdexcept>
+#include <thread>
+
+#include "ros/registration_worker.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Result = us_ct_registration::RegistrationResult;
+using testing::HasSubstr;
+
+/// Runs nothing, and says which request it was.
+RegistrationWorker::Work named_results() {
+  RegistrationWorker::Work work;
+  work.run = [](RegistrationJob& job) {
+    Result result;
+    result.preset = job.name;
+    return result;
+  };
+  return work;
+}
+
+/// Registers until it is cancelled.
+RegistrationWorker::Work endless(std::atomic<int>& begun) {
+  RegistrationWorker::Work work;
+  work.run = [&begun](RegistrationJob& job) {
+    ++begun;
+    while (!job.request.cancelled()) std::this_thread::yield();
+    Result result;
+    result.preset = "cancelled " + job.name;
+    return result;
+  };
+  return work;
+}
+
+void wait_for(const std::atomic<int>& begun, int count) {
+  while (begun < count) std::this_thread::yield();
+}
+
+std::future<Result> put(RegistrationQueue& queue, const std::string& name) {
+  const auto job = std::make_shared<RegistrationJob>(name);
+  const auto answer = std::make_shared<std::promise<Result>>();
+  job->goal_id = name;
+  job->done = [answer](const Result& result) { answer->set_value(result); };
+  queue.put(job);
+  return answer->get_future();
+}
+
+TEST(RegistrationWorker, AnswersRequestsOneAfterTheOther) {
+  RegistrationQueue queue;
+  const RegistrationWorker worker(queue, named_results());
+  for (const char* name : {"first", "second"}) {
+    ASSERT_FALSE(queue.reserve(name));
+    EXPECT_EQ(put(queue, name).get().preset, name);
+  }
+}
+
+TEST(RegistrationWorker, ThePlaceIsTakenUntilTheRequestIsAnswered) {
+  RegistrationQueue queue;
+  std::atomic<int> begun{0};
+  const RegistrationWorker worker(queue, endless(begun));
+  ASSERT_FALSE(queue.reserve("first"));
+  std::future<Result> answer = put(queue, "first");
+  wait_for(begun, 1);
+  EXPECT_EQ(queue.running(), "first");
+  EXPECT_THAT(queue.reserve("second").value_or(""), HasSubstr("this one runs: first"));
+  queue.cancel("another");
+  queue.cancel("first");
+  EXPECT_EQ(answer.get().preset, "cancelled first");
+  EXPECT_FALSE(queue.reserve("second"));
+  put(queue, "second");
+}
+
+TEST(RegistrationWorker, ARequestCancelsAContinuousRegistration) {
+  RegistrationQueue queue;
+  std::promise<void> begun;
+  std::promise<void> cancelled;
+  RegistrationWorker::Work work = named_results();
+  work.newest = [] { return HeldVolumes::Ready{1, ::ros::Time(5.0)}; };
+  work.run = [&, run = work.run](RegistrationJob& job) {
+    if (!job.is_continuous()) return run(job);
+    EXPECT_EQ(job.request.us_stamp, ::ros::Time(5.0));
+    begun.set_value();
+    while (!job.request.cancelled()) std::this_thread::yield();
+    cancelled.set_value();
+    return Result();
+  };
+  const RegistrationWorker worker(queue, work);
+  begun.get_future().wait();
+  ASSERT_FALSE(queue.reserve("request"));
+  cancelled.get_future().wait();
+  EXPECT_EQ(put(queue, "request").get().preset, "request");
+}
+
+TEST(RegistrationWorker, ItsEndCancelsWhatRunsAndAnswersWhatWaits) {
+  RegistrationQueue queue;
+  std::atomic<int> begun{0};
+  std::future<Result> answer;
+  {
+    const RegistrationWorker worker(queue, endless(begun));
+    ASSERT_FALSE(queue.reserve("request"));
+    answer = put(queue, "request");
+    wait_for(begun, 1);
+  }
+  EXPECT_EQ(answer.get().preset, "cancelled request");
+  EXPECT_THAT(queue.reserve("late").value_or(""), HasSubstr("shutting down"));
+}
+
+/// A constructor that fails destroys its members: a thread that nobody joins would end the process.
+TEST(RegistrationWorker, EndsWithTheOwnerWhoseConstructorThrows) {
+  struct Owner {
+    Owner() : worker(queue, named_results()) { throw std::runtime_error("no master"); }
+    RegistrationQueue queue;
+    RegistrationWorker worker;
+  };
+  EXPECT_THROW(Owner(), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

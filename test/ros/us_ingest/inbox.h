@@ -1,0 +1,66 @@
+#pragma once
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace usct::ros_interface {
+
+constexpr double kLimit_s = 60.0;
+
+inline bool wait_for(const std::function<bool()>& condition) {
+  const ::ros::WallTime end = ::ros::WallTime::now() + ::ros::WallDuration(kLimit_s);
+  while (!condition()) {
+    if (::ros::WallTime::now() > end || !::ros::ok()) return false;
+    ::ros::WallDuration(0.01).sleep();
+  }
+  return true;
+}
+
+/// The messages of a topic, as they come.
+template <typename Message>
+class Inbox {
+ public:
+  Inbox(::ros::NodeHandle& node, const std::string& topic)
+      : subscriber_(
+            node.subscribe<Message>(topic, 100, [this](const typename Message::ConstPtr& m) {
+              const std::lock_guard<std::mutex> lock(mutex_);
+              messages_.push_back(m);
+            })) {}
+
+  std::vector<typename Message::ConstPtr> all() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return messages_;
+  }
+  bool wait(std::size_t count) const {
+    return wait_for([&] { return all().size() >= count; });
+  }
+  /// Of two messages that are sent before this, only the last may come, as it is latched.
+  bool wait_for_publisher() const {
+    return wait_for([&] { return subscriber_.getNumPublishers() > 0; });
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<typename Message::ConstPtr> messages_;
+  ::ros::Subscriber subscriber_;  // last: its callback uses the others
+};
+
+/// Whether diagnostics show `text` in a status of `node` with this level.
+inline bool wait_for_diagnostics(const Inbox<diagnostic_msgs::DiagnosticArray>& inbox,
+                                 const std::string& node, int level, const std::string& text) {
+  return wait_for([&] {
+    for (const auto& message : inbox.all())
+      for (const auto& status : message->status)
+        if (status.name.find(node) != std::string::npos && status.level == level &&
+            status.message.find(text) != std::string::npos)
+          return true;
+    return false;
+  });
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,153 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "core/io/temporary_folder.h"
+#include "core/ultrasound/lagging_sweep.h"
+#include "inbox.h"
+#include "ros/conversions/ultrasound.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+/// A node of its own, interrupted with the end of the test.
+class Process {
+ public:
+  explicit Process(const std::vector<std::string>& arguments) {
+    // Test programs and nodes lie in the same folder.
+    std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "us_ingest";
+    std::vector<std::string> texts(arguments);
+    std::vector<char*> argv{program.data()};
+    for (std::string& text : texts) argv.push_back(text.data());
+    argv.push_back(nullptr);
+    std::array<int, 2> ends{};
+    if (::pipe(ends.data()) != 0) throw std::runtime_error("no pipe");
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::dup2(ends[1], STDOUT_FILENO);
+      ::dup2(ends[1], STDERR_FILENO);
+      ::close(ends[0]);
+      ::execv(program.c_str(), argv.data());
+      ::_exit(127);
+    }
+    ::close(ends[1]);
+    output_ = ::fdopen(ends[0], "r");
+  }
+  ~Process() {
+    if (pid_ > 0) {
+      ::kill(pid_, SIGINT);
+      ::waitpid(pid_, nullptr, 0);
+    }
+    std::fclose(output_);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  /// Output of the node until it ends by itself, and its exit status.
+  std::pair<std::string, int> end() {
+    std::string output;
+    std::array<char, 256> part{};
+    while (std::fgets(part.data(), static_cast<int>(part.size()), output_) != nullptr)
+      output += part.data();
+    int status = 0;
+    ::waitpid(pid_, &status, 0);
+    pid_ = -1;
+    return {output, WEXITSTATUS(status)};
+  }
+
+ private:
+  pid_t pid_ = -1;
+  FILE* output_ = nullptr;
+};
+
+TEST(Parameters, AnUnknownKeyEndsTheNodeAndIsNamed) {
+  const auto [output, status] = Process({"__name:=misspelt", "_swep_pause:=1.0"}).end();
+  EXPECT_EQ(status, 2);
+  EXPECT_THAT(output, HasSubstr("/misspelt/swep_pause"));
+}
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST(Folder, TakesWholeFilesNamesBadOnesAndGoesOn) {
+  const test::TemporaryFolder folder;
+  const test::TemporaryFolder elsewhere;
+  PreScanVolume volume;
+  volume.geometry = {
+      {2, 1.0, 0.5}, CurvilinearArray{40.0, {-0.1, 0.1}}, MotorSweep{27.0, {0.0, 0.1}, 0.0}};
+  volume.voxels = {1, 2, 3, 4, 5, 6, 7, 8};
+  volume.acquisition_time = "2024-05-17T09:30:00Z";
+  write_prescan_nrrd(volume, elsewhere.path() / "us.nrrd");
+  const std::string bytes = bytes_of(elsewhere.path() / "us.nrrd");
+
+  ::ros::NodeHandle node;
+  const Inbox<msg::PreScanVolume> volumes(node, "/watching/us/volume");
+  const Inbox<diagnostic_msgs::DiagnosticArray> diagnostics(node, "/diagnostics");
+  const Process process({"__ns:=watching", "_source:=folder", "_path:=" + folder.path().string(),
+                         "_folder_period:=0.05", "_folder_settle:=2.0"});
+  ASSERT_TRUE(wait_for_diagnostics(diagnostics, "watching", diagnostic_msgs::DiagnosticStatus::OK,
+                                   "waiting"));
+  // Half of a file, at which the node looks many times until it next reports, then the rest.
+  std::ofstream half(folder.path() / "half.nrrd", std::ios::binary);
+  half << bytes.substr(0, bytes.size() / 2) << std::flush;
+  const std::size_t reports = diagnostics.all().size();
+  ASSERT_TRUE(wait_for([&] { return diagnostics.all().size() >= reports + 3; }));
+  half << bytes.substr(bytes.size() / 2);
+  half.close();
+  ASSERT_TRUE(volumes.wait(1));
+  EXPECT_EQ(from_message(*volumes.all()[0], "volume").voxels, volume.voxels);
+  EXPECT_EQ(volumes.all()[0]->header.stamp, ::ros::Time(1715938200, 0));
+  EXPECT_EQ(volumes.all()[0]->header.frame_id, "us");
+
+  std::ofstream(folder.path() / "bad.nrrd", std::ios::binary) << bytes.substr(0, bytes.size() / 2);
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics, "watching",
+                                   diagnostic_msgs::DiagnosticStatus::ERROR, "bad.nrrd"));
+  volume.voxels[0] = 99;
+  write_prescan_nrrd(volume, folder.path() / "next.nrrd");
+  ASSERT_TRUE(volumes.wait(2));
+  EXPECT_EQ(volumes.all()[1]->data[0], 99);
+  EXPECT_EQ(volumes.all().size(), 2u);
+}
+
+TEST(File, IsPublishedForWhoeverComesLater) {
+  const test::TemporaryFolder folder;
+  test::SweepCase how;
+  how.along_mm = test::unsteady_mm;
+  how.duration_s = 1.0;
+  const PreScanVolume volume = test::sweep_of(how, 2);
+  write_prescan_nrrd(volume, folder.path() / "us.nrrd");
+  ::ros::NodeHandle node;
+  const Inbox<diagnostic_msgs::DiagnosticArray> diagnostics(node, "/diagnostics");
+  const Process process({"__ns:=reading", "_source:=file", "_frame_id:=patient",
+                         "_file_stamp:=reading", "_path:=" + (folder.path() / "us.nrrd").string()});
+  ASSERT_TRUE(wait_for_diagnostics(diagnostics, "reading", diagnostic_msgs::DiagnosticStatus::OK,
+                                   "published"));
+  const Inbox<msg::PreScanVolume> volumes(node, "/reading/us/volume");
+  ASSERT_TRUE(volumes.wait(1));
+  EXPECT_EQ(volumes.all()[0]->data, volume.voxels);
+  EXPECT_EQ(volumes.all()[0]->header.frame_id, "patient");
+}
+
+TEST(File, OneThatIsMissingEndsTheNodeAndIsNamed) {
+  const auto [output, status] =
+      Process({"__name:=no_file", "_source:=file", "_path:=/no/such.nrrd"}).end();
+  EXPECT_EQ(status, 2);
+  EXPECT_THAT(output, HasSubstr("/no/such.nrrd"));
+}
+
+}  // namespace
+}  // namespace usct::ros_interface

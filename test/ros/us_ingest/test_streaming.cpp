@@ -1,0 +1,154 @@
+#include <gtest/gtest.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <map>
+#include <random>
+
+#include "core/ultrasound/lagging_sweep.h"
+#include "inbox.h"
+#include "ros/bags/frame_stream.h"
+#include "ros/conversions/ultrasound.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+
+msg::PreScanVolume stamped(PreScanVolume volume, const ::ros::Time& end, double period_s) {
+  std_msgs::Header header;
+  header.frame_id = "us";
+  header.stamp = end;
+  msg::PreScanVolume message = to_message(volume, header);
+  message.frame_stamps.clear();
+  for (int i = volume.geometry.frames() - 1; i >= 0; --i)
+    message.frame_stamps.push_back(end - ::ros::Duration(i * period_s));
+  return message;
+}
+
+msg::PreScanVolume motorised(const ::ros::Time& end, double direction) {
+  PreScanVolume volume;
+  MotorSweep sweep{27.25, {}, 0.011 * direction};
+  for (int i = 0; i < 12; ++i) sweep.frame_angles_rad.push_back(direction * (0.0213 * i - 0.1));
+  volume.geometry = {{20, 3.1, 0.37}, CurvilinearArray{40.3, {-0.1, 0.03, 0.1}}, sweep};
+  std::mt19937 random(5);
+  for (int i = 0; i < 12 * 3 * 20; ++i)
+    volume.voxels.push_back(static_cast<std::uint8_t>(random()));
+  return stamped(volume, end, 0.05);
+}
+
+class Streaming : public testing::TestWithParam<const char*> {
+ protected:
+  Streaming()
+      : space_(GetParam()),
+        volumes_(node_, space_ + "/us/volume"),
+        diagnostics_(node_, "/diagnostics"),
+        frames_(node_.advertise<msg::PreScanFrame>(space_ + "/us/frames", 1000)),
+        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)) {
+    EXPECT_TRUE(wait_for([&] { return frames_.getNumSubscribers() == 1; }));
+    EXPECT_TRUE(volumes_.wait_for_publisher());
+    // A volume of an earlier test is latched and comes first.
+    const int earlier = streamed[space_] > 0 ? 1 : 0;
+    EXPECT_TRUE(volumes_.wait(static_cast<std::size_t>(earlier)));
+    first_ = volumes_.all().size();
+  }
+
+  void send(const std::vector<msg::PreScanFrame>& frames) {
+    for (const msg::PreScanFrame& frame : frames) frames_.publish(frame);
+  }
+  FrameStream next_sweep() {
+    FrameStream stream;
+    stream.sweep = static_cast<std::uint32_t>(streamed[space_]++);
+    return stream;
+  }
+  /// The n-th volume that this test caused.
+  msg::PreScanVolume volume(std::size_t n) {
+    EXPECT_TRUE(volumes_.wait(first_ + n + 1));
+    if (volumes_.all().size() < first_ + n + 1) return {};
+    msg::PreScanVolume found = *volumes_.all()[first_ + n];
+    found.header.seq = 0;  // counted by the publisher
+    return found;
+  }
+
+  static std::map<std::string, int> streamed;
+  ::ros::NodeHandle node_;
+  std::string space_;
+  Inbox<msg::PreScanVolume> volumes_;
+  Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
+  ::ros::Publisher frames_;
+  ::ros::Publisher tf_;
+  std::size_t first_ = 0;
+};
+
+std::map<std::string, int> Streaming::streamed;
+
+TEST_P(Streaming, TwoMotorisedSweepsInARowArriveBitByBit) {
+  const ::ros::Time now = ::ros::Time::now();
+  const msg::PreScanVolume forth = motorised(now - ::ros::Duration(1.0), 1.0);
+  const msg::PreScanVolume back = motorised(now, -1.0);
+  send(frames_of(forth, next_sweep()));
+  send(frames_of(back, next_sweep()));
+  EXPECT_EQ(volume(0), forth);
+  EXPECT_EQ(volume(1), back);
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::OK,
+                                   "published"));
+}
+
+TEST_P(Streaming, TrackedFramesGetTheirPosesFromTfThatComesLater) {
+  constexpr int kFrames = 10;
+  constexpr double kPeriod_s = 0.05;
+  EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= 2; }));
+  PreScanVolume still;
+  still.geometry = {
+      {20, 0.0, 0.5},
+      LinearArray{{-1.0, 0.0, 1.0}},
+      TrackedSweep{std::vector<Eigen::Isometry3d>(kFrames, Eigen::Isometry3d::Identity()), {}}};
+  for (int i = 0; i < kFrames * 60; ++i) still.voxels.push_back(static_cast<std::uint8_t>(i % 251));
+  const ::ros::Time end = ::ros::Time::now();
+  FrameStream stream = next_sweep();
+  stream.array_frame_id = "array_of_" + space_;
+  std::vector<msg::PreScanFrame> frames = frames_of(stamped(still, end, kPeriod_s), stream);
+  for (msg::PreScanFrame& frame : frames) {
+    frame.pose_frame_id.clear();
+    frame.pose = geometry_msgs::Pose();
+  }
+  send(frames);
+  // A steady motion of 2 m/s along y, seen between the frames: what is asked for is interpolated.
+  for (int i = -1; i <= kFrames; ++i) {
+    tf2_msgs::TFMessage message;
+    message.transforms.resize(1);
+    geometry_msgs::TransformStamped& T = message.transforms[0];
+    const double before_end_s = (kFrames - 1 - i - 0.3) * kPeriod_s;
+    T.header.stamp = end - ::ros::Duration(before_end_s);
+    T.header.frame_id = "patient";
+    T.child_frame_id = stream.array_frame_id;
+    T.transform.translation.y = -2.0 * before_end_s;
+    T.transform.rotation.w = 1.0;
+    tf_.publish(message);
+  }
+  const msg::PreScanVolume found = volume(0);
+  EXPECT_EQ(found.header.frame_id, "patient");
+  EXPECT_EQ(found.header.stamp, end);
+  ASSERT_EQ(found.frame_poses.size(), static_cast<std::size_t>(kFrames));
+  for (int i = 0; i < kFrames; ++i)
+    EXPECT_NEAR(found.frame_poses[static_cast<std::size_t>(i)].position.y,
+                -2.0 * (kFrames - 1 - i) * kPeriod_s, 1e-6);
+}
+
+TEST_P(Streaming, ALagThatNobodyToldOfIsAWarning) {
+  test::SweepCase how;
+  how.lag_s = 0.5;
+  how.along_mm = test::unsteady_mm;
+  std_msgs::Header header;
+  header.frame_id = "patient";
+  header.stamp = ::ros::Time::now();
+  const msg::PreScanVolume lagging = to_message(test::sweep_of(how, 9), header);
+  send(frames_of(lagging, next_sweep()));
+  EXPECT_EQ(volume(0), lagging);
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::WARN,
+                                   "images lag poses by 0."));
+}
+
+INSTANTIATE_TEST_SUITE_P(UsIngest, Streaming, testing::Values("as_node", "as_nodelet"));
+
+}  // namespace
+}  // namespace usct::ros_interface
