@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
 
-/// An error of the core about a file, without what callers may not be told.
+/// An error of the core about a file, without names that callers may not be told.
 InputError retold(const std::exception& error, const fs::path& path, const std::string& given) {
   const std::string text = without_names(error.what(), path, given);
   const std::string source = given + ": ";
@@ -66,7 +66,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   diagnostics_timer_ =
       node_.createWallTimer(::ros::WallDuration(1.0),
                             [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
-  // The constructor must not read it: a nodelet's manager would stand still for seconds.
+  // The constructor must not read the CT: it would block a nodelet's manager for seconds.
   if (!path.empty())
     first_load_timer_ = node_.createWallTimer(
         ::ros::WallDuration(0.001),
@@ -75,7 +75,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
 
 fs::path CtServer::resolve(const std::string& given, const std::string& field) const {
   if (data_root_) return data_root_->resolve(given, field);
-  // Without a data root no caller can have files read: the path is a parameter.
+  // Without a data root, callers cannot choose files: the path is then that of the parameter.
   fs::path path(given);
   if (!path.is_absolute())
     throw InputError(given, "parameter '" + field + "' must be a whole path without data_root");
@@ -155,8 +155,8 @@ std::uint32_t CtServer::next_revision() {
 void CtServer::hold(const Loaded& loaded) {
   const std::uint32_t revision = next_revision();
   std_msgs::Header header;
-  // Simulated time that has not begun is 0, which is no stamp. The CT gets the smallest stamp then,
-  // because all ultrasound will be newer.
+  // Simulated time is 0 before it begins, which is no valid stamp. The CT then gets the smallest
+  // stamp, because all ultrasound will be newer.
   header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
   header.frame_id = ct_frame_;
   const auto volume =
@@ -180,7 +180,7 @@ void CtServer::hold(const Loaded& loaded) {
     info_ = info;
     last_error_.clear();
   }
-  // The summary goes first, so that tf_publisher knows the CT before any result of it comes.
+  // The summary is sent first, so that tf_publisher knows the CT before it gets a result for it.
   info_publisher_.publish(info);
   volume_publisher_.publish(volume);
   std::map<int, std::string> names = label_names_;

@@ -36,13 +36,13 @@ class CtServer {
                us_ct_registration::LoadCt::Response& response);
   bool on_get(us_ct_registration::GetCt::Request& request,
               us_ct_registration::GetCt::Response& response);
-  /// Replaces the CT that is held; if that fails, the CT stays and the answer says why.
+  /// Replaces the CT that is held. On failure the held CT stays, and the answer gives the reason.
   us_ct_registration::StatusCode load(const std::string& path, const std::string& labels);
   Loaded read(const std::string& path, const std::string& labels) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
-  /// The revision is the time in seconds since 1970, so that it rises over restarts without being
-  /// kept anywhere.
+  /// The revision is the time in seconds since 1970, so that it rises across restarts without being
+  /// stored.
   std::uint32_t next_revision();
   void hold(const Loaded& loaded);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);

@@ -98,7 +98,7 @@ void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose
   constexpr int kSamples = 4;  // on either side
   for (int i = -kSamples; i <= kSamples; ++i) {
     const ::ros::Duration offset(options_.jump_window_s * i / kSamples);
-    // To tf the time 0 means the newest transform.
+    // tf takes the time 0 for the newest transform.
     if (i == 0 || us.stamp.toSec() + offset.toSec() <= 0.0) continue;
     if (!tf_.canTransform(name(us), us.frame_id, us.stamp + offset)) continue;
     const Isometry3d moved = T_fixed_us_at(us, us.stamp + offset);

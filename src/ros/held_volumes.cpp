@@ -105,9 +105,9 @@ void HeldVolumes::work() {
   }
 }
 
-/// Up to `ultrasound_volumes` volumes are settled, and about as many wait for tf. If volumes come
-/// faster than tf, the newest replaces the one before it. The volumes that have waited longest are
-/// not dropped, because then none would ever be ready.
+/// Up to `ultrasound_volumes` volumes are settled, and about as many wait for tf. If volumes arrive
+/// faster than tf, the newest replaces its predecessor; if the volumes that have waited longest
+/// were dropped, none would ever be ready.
 void HeldVolumes::keep(Entry entry) {
   const auto settled = [](const Entry& one) { return one.settled; };
   const auto most = static_cast<std::ptrdiff_t>(options_.ultrasound_volumes);
@@ -213,7 +213,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                                              " is held; there is: " + held);
   }
   const std::uint64_t number = entry->number;
-  // A volume that arrives meanwhile may replace it.
+  // A volume that arrives during the wait may replace it.
   await(lock, cancelled, [&] {
     entry = &*std::find_if(ultrasound_.begin(), ultrasound_.end(),
                            [&](const Entry& one) { return one.number >= number; });

@@ -33,7 +33,7 @@ struct HeldUltrasound {
   std_msgs::Header header;
   BeamUltrasound beams;
   FixedPose pose;
-  /// When waiting for tf ends.
+  /// Time at which waiting for tf ends.
   std::chrono::steady_clock::time_point tf_deadline;
 };
 
@@ -57,8 +57,8 @@ struct HeldVolumesOptions {
 /// frame. Callbacks only hand messages over; a thread of this class converts each of them once.
 ///
 /// A caller who asks for a volume waits until all messages that have arrived are converted, so that
-/// nothing older than the newest message is ever registered in its place. If the newest message is
-/// malformed, the caller is refused with that reason. May be called from any thread.
+/// no older volume is registered in place of the newest. If the newest message is malformed, the
+/// caller is refused with that reason. May be called from any thread.
 class HeldVolumes {
  public:
   /// Calls `changed`, from the converting thread, whenever a volume may have become available.

@@ -87,7 +87,7 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
                                                             const std::string& ct_frame) const {
   if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
-  // The alignment of another CT says nothing of this one.
+  // The alignment of another CT is not valid for this one.
   if (accepted_->ct_frame != ct_frame) return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);

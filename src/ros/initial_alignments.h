@@ -25,7 +25,7 @@ struct FramedAlignment {
 /// The pose from which a registration starts.
 struct InitialAlignment {
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
-  /// Where the pose came from, as in RegistrationResult.msg.
+  /// Source of the pose, as in RegistrationResult.msg.
   std::string source;
 };
 
@@ -37,16 +37,16 @@ class InitialAlignments {
   InitialAlignments(const FixedFrame& frame, std::optional<FramedAlignment> from_parameters);
 
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
-  /// which `newest` returns or refuses; `newest` is called only if the request's frame is another
-  /// than the fixed one. Returns the residual between landmarks, m. Refuses with INVALID_REQUEST or
+  /// which `newest` returns or refuses; `newest` is called only if the request's frame is not the
+  /// fixed one. Returns the residual between landmarks, m. Refuses with INVALID_REQUEST or
   /// TF_UNAVAILABLE; then nothing changes.
   double set(const us_ct_registration::SetInitialAlignment::Request& request, ::ros::Time now,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
 
-  /// Empty if no alignment is known. Refuses with TF_UNAVAILABLE, INVALID_REQUEST (`of_goal`) or
-  /// INVALID_MESSAGE.
+  /// Pose of the first source that has one; empty if none has. Refuses with TF_UNAVAILABLE,
+  /// INVALID_REQUEST (`of_goal`) or INVALID_MESSAGE.
   std::optional<InitialAlignment> choose(
       const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
       const std::string& ct_frame) const;

@@ -7,7 +7,7 @@
 namespace usct::ros_interface {
 
 /// Runs a node class until shutdown, and returns the exit status: 2, after a message, if the node
-/// cannot start. Callbacks come from several threads, so that a node hears a cancel while another
+/// cannot start. Callbacks run on several threads, so that a node receives a cancel while another
 /// of its callbacks waits.
 template <class Node>
 int run_node(int argc, char** argv, const char* name) {

@@ -19,7 +19,7 @@ class Parameters {
   bool flag(const std::string& key, bool fallback);
   int whole(const std::string& key, int fallback, int least,
             int most = std::numeric_limits<int>::max());
-  /// A whole number is taken as well.
+  /// A finite number; a whole number is accepted as well.
   double number(const std::string& key, double fallback, double least,
                 double most = std::numeric_limits<double>::infinity());
   /// A text that must be one of `choices`.

@@ -34,10 +34,10 @@ std::optional<std::string> published_type(const std::string& topic) {
   return found->datatype;
 }
 
-/// What a subscriber that takes messages of any type has found.
+/// Findings of a subscriber that takes messages of any type.
 struct Probe {
   bool connected = false;
-  std::string md5sum;  // empty if no message came
+  std::string md5sum;  // empty if no message arrived
 };
 
 Probe probe(::ros::NodeHandle node, const std::string& topic,
@@ -73,11 +73,11 @@ std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTop
   if (!type) return "'" + expected.name + "' has no publisher";
   if (*type != expected.datatype)
     return "'" + expected.name + "' is published as " + *type + ", must be " + expected.datatype;
-  // The publisher may have come just now.
+  // The publisher may have started only now.
   if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
     return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";
-  // A subscriber for any type would share the connection of an existing one for this type, which is
-  // the one that does not come about.
+  // A subscriber for any type would share the connection of an existing subscriber to the topic,
+  // and that connection is the one that fails.
   subscriber.shutdown();
   const Probe found = probe(node, expected.name, cancelled);
   subscriber = resubscribe();

@@ -120,7 +120,7 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request,
   hooks.progress = [&](double fraction) { request.progress(fraction, "registering"); };
   RegistrationResult result = register_ultrasound(
       inputs.us->beams, inputs.ct->volume, inputs.start.T_us_ct, inputs.chosen.options, hooks);
-  // First of all reasons: what moved has a wrong initial pose as well.
+  // This check comes first, because ultrasound that moved has a wrong initial pose as well.
   volumes_.require_still(*inputs.us, request.cancelled);
   require_newest(*inputs.ct);
   return result;

@@ -18,14 +18,15 @@ namespace usct::ros_interface {
 
 /// One registration, as asked for.
 struct RegistrationRequest {
-  /// Empty: the node's.
+  /// Empty: the preset of the node.
   std::string preset;
-  /// YAML that differs from the preset; empty with an empty preset: the node's.
+  /// YAML of the options that differ from the preset. Empty with an empty preset: the node's
+  /// options.
   std::string options;
   std::optional<geometry_msgs::TransformStamped> initial;
-  /// 0: the newest.
+  /// Stamp of the ultrasound; 0: the newest.
   ::ros::Time us_stamp;
-  /// Both must be set; `progress` gets the fraction that is done and a stage, as in
+  /// Both must be set; `progress` receives the fraction that is done and a stage, as in
   /// Register.action.
   std::function<bool()> cancelled;
   std::function<void(double fraction, const std::string& stage)> progress;
@@ -34,14 +35,14 @@ struct RegistrationRequest {
 struct RegistrarOptions {
   /// Empty: `options` is a whole file of options.
   std::string preset = "patient";
-  /// YAML that differs from the preset.
+  /// YAML of the options that differ from the preset.
   std::string options;
-  /// Unset: that of the options.
+  /// Seed of the search; unset: the seed in the options.
   std::optional<std::uint32_t> seed;
   bool allow_older_ultrasound = false;
-  /// Search over all poses where there is no initial alignment, with the preset `global`...
+  /// Whether to search over all poses, with the preset `global`, if there is no initial alignment.
   bool allow_global = false;
-  /// ... from here.
+  /// Direction in which the probe looks at the initial pose of that search.
   ProbeDirection probe_direction;
 };
 

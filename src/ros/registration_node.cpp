@@ -59,8 +59,8 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
 }
 
 RegistrationNode::~RegistrationNode() {
-  // The members' destructors begin with the spinner, which waits for its callbacks. A callback may
-  // be waiting for a registration, so that has to be cancelled before.
+  // The spinner is destroyed first and waits for its callbacks. A callback may be waiting for a
+  // registration, which must therefore be cancelled before.
   jobs_.stop();
 }
 
@@ -169,7 +169,7 @@ void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {
 RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
   Result result = registrar_.run(job.request);
   if (!job.is_continuous()) explain_nothing(job, result);
-  // A continuous registration is cancelled by a request: nobody asked for its result.
+  // A request cancels a continuous registration, for whose result no caller waits.
   if (!job.is_continuous() || result.status.code != Status::CANCELLED)
     publish(result, job.is_continuous());
   return result;

@@ -47,12 +47,12 @@ class RegistrationNode {
   void on_goal(ActionServer::GoalHandle goal);
   void on_cancel(ActionServer::GoalHandle goal);
 
-  /// Reserves the place for a request; false, with a result that says why, if it is taken.
+  /// Reserves the queue's place for a request. If it is taken, returns false and says so in `busy`.
   bool reserve(const std::string& name, Result& busy);
-  /// Tells the worker how many threads it has, what to register and how.
+  /// Settings and callbacks of the worker.
   RegistrationWorker::Work work();
   Result run(RegistrationJob& job);
-  /// If the result is a refusal for want of a volume, adds the reason why none has come.
+  /// Adds to a refusal for lack of a volume the reason why no volume has arrived.
   void explain_nothing(const RegistrationJob& job, Result& result);
   void publish(Result& result, bool continuous);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
@@ -80,8 +80,8 @@ class RegistrationNode {
   ActionServer action_;
   diagnostic_updater::Updater updater_;
   ::ros::WallTimer diagnostics_timer_;
-  // The threads are the last members: they start once all else exists and end before anything is
-  // destroyed, also if the constructor throws.
+  // The threads are the last members: they start when all other members exist and end before any of
+  // those is destroyed, also if the constructor throws.
   RegistrationWorker worker_;
   ::ros::AsyncSpinner spinner_;
 };

@@ -25,7 +25,7 @@ std::vector<double> three_numbers(Parameters& parameters, const std::string& key
   return numbers.empty() ? std::vector<double>(3, 0.0) : numbers;
 }
 
-/// Rotations about the fixed axes x, y, z, in this order.
+/// The angles are rotations about the fixed axes x, y, z, in this order.
 std::optional<FramedAlignment> read_initial_alignment(Parameters& parameters,
                                                       const ::ros::NodeHandle& node) {
   const std::string frame = parameters.text("initial_alignment/frame", "");

@@ -22,7 +22,7 @@ struct RegistrationParameters {
   int threads = 0;
   bool continuous = false;
   double diagnostic_period_s = 1.0;
-  /// Names the options in messages.
+  /// Name of the options in messages.
   std::string source;
 };
 

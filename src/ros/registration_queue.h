@@ -20,12 +20,12 @@ struct RegistrationJob {
   RegistrationJob(const RegistrationJob&) = delete;
   RegistrationJob& operator=(const RegistrationJob&) = delete;
 
-  /// For people: who asked for it.
+  /// Name of the request, for messages.
   std::string name;
   /// Its `cancelled` reads the flag below.
   RegistrationRequest request;
   std::atomic<bool> cancelled{false};
-  /// Gets the result. Empty for a continuous registration, which nobody waits for.
+  /// Receives the result. Empty for a continuous registration, for which no caller waits.
   std::function<void(const us_ct_registration::RegistrationResult&)> done;
   std::string goal_id;
 
@@ -42,30 +42,30 @@ class RegistrationQueue {
   /// Reserves the place for the request `name` and cancels a continuous registration that runs. If
   /// the place is taken, or after `stop`, returns the reason in words.
   std::optional<std::string> reserve(const std::string& name);
-  /// Fills the place that the caller has reserved. Who reserves must put: the worker does not end
-  /// before.
+  /// Fills the place that the caller has reserved. Each caller that reserves must call this,
+  /// because the worker does not end before.
   void put(const Job& job);
   /// Cancels the request with this goal, if it waits or runs.
   void cancel(const std::string& goal_id);
 
-  /// Cancels what runs. From then on `reserve` refuses; a request that has the place is still
-  /// handed out, cancelled, so that it is answered.
+  /// Cancels the running registration. From then on `reserve` refuses; a request that has the place
+  /// is still handed out, cancelled, so that it is answered.
   void stop();
   bool is_stopping() const;
   /// Makes `next` ask for a continuous registration again.
   void wake();
 
   /// Waits for the next registration, which runs from then on: the request that fills the place or,
-  /// while the place is free, what `continuous` returns (null: nothing to do). Returns null once it
-  /// is stopped and all requests are answered.
+  /// while the place is free, the job that `continuous` returns (null: none). Returns null once the
+  /// queue is stopped and all requests are answered.
   Job next(const std::function<Job()>& continuous);
-  /// Says that the registration has ended, and frees its place.
+  /// Must be called when the registration has ended; frees its place.
   void finished(const RegistrationJob& job);
-  /// Name of what runs; empty: nothing.
+  /// Name of the running registration; empty: none.
   std::string running() const;
 
  private:
-  mutable std::mutex mutex_;  // guards what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable wake_;
   bool stopping_ = false;
   std::string reserved_;  // name of the request that has the place; empty: none

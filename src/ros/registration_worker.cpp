@@ -26,7 +26,7 @@ void RegistrationWorker::loop() {
   if (work_.threads > 0) omp_set_num_threads(work_.threads);
   while (const RegistrationQueue::Job job = queue_.next([this] { return continuous_job(); })) {
     const us_ct_registration::RegistrationResult result = work_.run(*job);
-    // The place is free before the answer is out: the caller may ask again at once.
+    // The place is freed before the answer is sent, because the caller may ask again at once.
     queue_.finished(*job);
     if (job->done) job->done(result);
   }

@@ -15,10 +15,10 @@ namespace usct::ros_interface {
 class RegistrationWorker {
  public:
   struct Work {
-    /// OpenMP's threads; 0: OpenMP's own choice.
+    /// Number of OpenMP threads; 0: OpenMP's default.
     int threads = 0;
-    /// The newest ultrasound, each of which is registered once while no request waits; empty: only
-    /// requests are registered.
+    /// Returns the newest ultrasound. Each is registered once while no request waits; if the
+    /// function is empty, only requests are registered.
     std::function<HeldVolumes::Ready()> newest;
     /// Runs one registration. Must not throw.
     std::function<us_ct_registration::RegistrationResult(RegistrationJob&)> run;
@@ -26,7 +26,8 @@ class RegistrationWorker {
 
   /// Starts the thread. The queue, and what `work` uses, must outlive the worker.
   RegistrationWorker(RegistrationQueue& queue, Work work);
-  /// Stops the queue, cancels what runs, answers the request that waits, and joins the thread.
+  /// Stops the queue, cancels the running registration, answers the waiting request, and joins the
+  /// thread.
   ~RegistrationWorker();
   RegistrationWorker(const RegistrationWorker&) = delete;
   RegistrationWorker& operator=(const RegistrationWorker&) = delete;
@@ -38,7 +39,7 @@ class RegistrationWorker {
   RegistrationQueue& queue_;
   const Work work_;
   std::uint64_t continued_ = 0;  // number of the ultrasound that was last registered continuously
-  std::thread thread_;           // last: it uses what is above
+  std::thread thread_;           // last: it uses the members above
 };
 
 }  // namespace usct::ros_interface

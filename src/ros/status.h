@@ -6,7 +6,7 @@
 
 namespace usct::ros_interface {
 
-/// Makes an answer in one expression.
+/// A StatusCode of a code and a message.
 inline us_ct_registration::StatusCode status(std::uint8_t code, const std::string& message) {
   us_ct_registration::StatusCode answer;
   answer.code = code;

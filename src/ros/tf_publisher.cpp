@@ -65,8 +65,8 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   result_subscriber_ = node_.subscribe("registration/result", 10, &TfPublisher::on_result, this);
   broadcast_timer_ = node_.createTimer(::ros::Duration(1.0 / rate_hz),
                                        [this](const ::ros::TimerEvent&) { broadcast(); });
-  // The timer above follows simulated time, which stands still once a bag has ended: subscribers
-  // that come later must get the transform as well.
+  // The timer above follows simulated time, which stands still once a bag has ended. Late
+  // subscribers must get the transform as well.
   still_clock_timer_ = node_.createWallTimer(::ros::WallDuration(1.0),
                                              [this](const ::ros::WallTimerEvent&) { broadcast(); });
   diagnostics_timer_ =
@@ -83,7 +83,7 @@ void TfPublisher::restore() {
   } catch (const std::exception& error) {
     file_error_ = error.what();
   }
-  // The node starts all the same: else nothing new could be accepted either.
+  // The node starts nevertheless, because otherwise no new result could be accepted either.
   ROS_ERROR("alignment_file: %s", file_error_.c_str());
 }
 

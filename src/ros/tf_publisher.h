@@ -26,19 +26,19 @@ class TfPublisher {
   using Change = std::function<DecisionAnswer(AlignmentDecisions&)>;
 
   void restore();
-  /// Writes the file, if there is something new to keep. Throws what the file throws.
+  /// Writes the file if its content has changed. Throws as `write_alignment`.
   void store(const StoredAlignment& changed);
   void on_result(const us_ct_registration::RegistrationResultConstPtr& result);
   void on_ct(const us_ct_registration::CtInfoConstPtr& info);
   bool decide(const Change& change, Decide::Response& response);
-  /// Makes a change, or none: a decision that cannot be stored does not count.
+  /// Makes a change and stores it. If it cannot be stored, nothing changes.
   us_ct_registration::StatusCode apply(const Change& change);
   void publish_alignment();
   void broadcast();
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
   ::ros::NodeHandle node_;
-  std::mutex mutex_;  // guards what follows, up to file_error_
+  std::mutex mutex_;  // guards the members below, up to file_error_
   AlignmentDecisions decisions_{{}};
   std::string alignment_file_;
   ::ros::Duration transform_tolerance_;

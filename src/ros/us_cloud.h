@@ -21,17 +21,16 @@
 
 namespace usct::ros_interface {
 
-/// The node `us_cloud` shows, in rviz, ultrasound (two fans, and the volume) and the CT on the same
-/// fans as clouds, and the CT's surfaces (rviz drops those that arrive before tf has the CT).
-///
-/// All of it is published in the fixed frame, where it stays when the probe moves away; the node
-/// also gives tf two frames there, to look at. docs/nodes/us_cloud.md.
+/// The node `us_cloud` publishes clouds for rviz: ultrasound (two fans, and the volume), the CT on
+/// the same fans, and the CT's surfaces (rviz drops those that arrive before tf has the CT). All
+/// are in the fixed frame, where they stay when the probe moves away. The node also gives tf two
+/// frames that mark the ultrasound and the middle of its field. docs/nodes/us_cloud.md.
 class UsCloud {
  public:
   UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
 
  private:
-  /// Where the CT was last said to lie.
+  /// The last published pose of the CT.
   struct Placement {
     std::string fixed_frame;
     std::optional<Eigen::Isometry3d> T_fixed_ct;
@@ -41,8 +40,8 @@ class UsCloud {
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
   void take_surface(const visualization_msgs::MarkerArrayConstPtr& message);
-  /// Looks up where the ultrasound was, moves the points there, and tells tf. Throws
-  /// tf2::TransformException.
+  /// Looks up the pose of the ultrasound, transforms the points to the fixed frame, and sends the
+  /// node's frames to tf. Throws tf2::TransformException.
   void move_to_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header,
                            const std::vector<std::vector<CloudPoint>*>& clouds);
   /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
@@ -55,12 +54,12 @@ class UsCloud {
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
   ::ros::Duration tf_timeout_;
-  std::mutex mutex_;  // guards what follows, up to placement_
+  std::mutex mutex_;  // guards the members below, up to placement_
   std_msgs::Header header_;
   std::vector<CloudPoint> fans_;  // in the frame of header_
   std::shared_ptr<const CtVolume> ct_;
   visualization_msgs::MarkerArrayConstPtr surface_;
-  std::optional<Placement> placement_;  // empty until the first alignment comes
+  std::optional<Placement> placement_;  // empty until the first alignment arrives
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Calls the service given as argument as a user's script would; prints status code and translation, m."""
+"""Calls the service given as argument, as a user's script would; prints status code and translation, m."""
 import sys
 
 import rospy

@@ -25,7 +25,7 @@ def wait_for(condition, what, limit_s=LIMIT_S):
 
 
 def unitrun(name, test_case):
-    """rosunit.unitrun, which writes a skipped test as one that passed, with what was skipped and why."""
+    """rosunit.unitrun, which reports a skipped test as passed, extended by the skipped tests and their reasons."""
     without_skips = rosunit.xmlrunner._XMLTestResult.xml
 
     def xml(result, *arguments):
@@ -41,7 +41,7 @@ def unitrun(name, test_case):
 
 
 def has_failed(test_case):
-    """What tearDown and cleanups ask, to print logs."""
+    """Whether the test has failed; tearDown and cleanups then print logs."""
     result = test_case._outcome.result
     return any(failed is test_case for failed, _ in result.errors + result.failures)
 

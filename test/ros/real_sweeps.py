@@ -1,4 +1,4 @@
-"""Real tracked sweeps of B-mode pictures, read without the project's code: what their samples are, and where."""
+"""Real tracked sweeps of B-mode pictures, read without the project's code: brightness and positions of samples."""
 import re
 import zlib
 
@@ -18,14 +18,14 @@ def calibrated(T):
 
 
 class Probe:
-    """An array, where it lies in the pictures, and how its lines are sampled; frame coordinates as everywhere here."""
+    """An array, its place in the pictures, and the sampling of its lines; frame coordinates as in the project."""
 
     def __init__(self, kind, radius_mm, lines, pitch, spacing_mm, samples, origin_px, pixel_mm):
         self.kind, self.radius_mm, self.lines, self.pitch = kind, radius_mm, lines, pitch
         self.spacing_mm, self.samples, self.origin_px, self.pixel_mm = spacing_mm, samples, origin_px, pixel_mm
 
     def options(self, path):
-        """Of usct; `path` becomes the probe's YAML."""
+        """The options of usct; `path` becomes the probe's YAML."""
         array = {"curvilinear": f"probe_radius_mm: {self.radius_mm}\nline_pitch_deg: {self.pitch}\n",
                  "linear": f"line_pitch_mm: {self.pitch}\n"}
         path.write_text(f"name: test\nkind: {self.kind}\nlines: {self.lines}\n{array[self.kind]}start_depth_mm: 0\n"
@@ -34,7 +34,7 @@ class Probe:
                 self.samples]
 
     def points_mm(self):
-        """x and y in frame coordinates, lines x samples x 2."""
+        """The samples' x and y in frame coordinates, lines x samples x 2."""
         lines = (numpy.arange(self.lines) - (self.lines - 1) / 2) * self.pitch
         depths = numpy.arange(self.samples) * self.spacing_mm
         if self.kind == "linear":
@@ -44,7 +44,7 @@ class Probe:
 
 
 class Pictures:
-    """Pixels (pictures x rows x columns), where they lie (4 x 4 each, pixel to mm), and times in s or None."""
+    """Pixels (pictures x rows x columns), their poses (4 x 4 each, pixel to mm), and times in s or None."""
 
     def __init__(self, pixels, T_us_pixel, times_s, probe):
         self.pixels, self.T_us_pixel, self.times_s, self.probe = pixels, T_us_pixel, times_s, probe
@@ -60,7 +60,7 @@ class Pictures:
         return upper * (1 - down) + lower * down
 
     def points_us_mm(self):
-        """pictures x lines x samples x 3."""
+        """Positions of the samples, pictures x lines x samples x 3."""
         pixels = self.probe.origin_px + self.probe.points_mm() / self.probe.pixel_mm
         T = self.T_us_pixel
         return numpy.einsum("fij,lsj->flsi", T[:, :3, :2], pixels) + T[:, None, None, :3, 3]
@@ -74,7 +74,7 @@ class Pictures:
 
 
 def write_sequence(path, pictures):
-    """As Plus writes it, not compressed."""
+    """Writes the sweep in the format of Plus, not compressed."""
     count, rows, columns = pictures.pixels.shape
     header = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False",
               "CompressedData = False", f"DimSize = {columns} {rows} {count}", "ElementSpacing = 1 1 1",

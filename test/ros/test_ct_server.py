@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""ct_server from outside: what it reads, refuses, publishes and answers."""
+"""ct_server from outside: the files that it reads and refuses, its messages and its answers."""
 import io
 import os
 import subprocess
@@ -36,7 +36,7 @@ PATIENT = ("ROE^RICHARDA", "PAT-77031", "Quux")
 
 
 def places_mm():
-    """Of the voxels, indexed [k, j, i]."""
+    """Positions of the voxels, indexed [k, j, i]."""
     k, j, i = numpy.meshgrid(*(numpy.arange(n) for n in SIZE[::-1]), indexing="ij")
     return numpy.stack((i, j, k), -1) * SPACING_MM @ DIRECTION.T + ORIGIN_MM
 
@@ -138,7 +138,7 @@ class CtServer(unittest.TestCase):
         return call(self.namespace + "/ct/get_volume", GetCt)
 
     def expect_refused(self, code, path, labels="", held=0):
-        """The answer's message; what is held stays."""
+        """Expects a refusal that leaves the held CT; returns the answer's message."""
         answer = self.load(path, labels)
         self.assertEqual((answer.status.code, answer.revision), (code, held), answer.status.message)
         self.assertEqual(self.get().status.code, StatusCode.OK if held else StatusCode.NO_CT)
@@ -163,7 +163,7 @@ class CtServer(unittest.TestCase):
         self.expect_ct(volume)
         self.assertEqual(volume.header.frame_id, "patient_ct")
         self.assertGreater(volume.header.stamp, rospy.Time(0))
-        # Who comes late gets the same, on each topic.
+        # Late subscribers get the same, on each topic.
         late = Newest(self.namespace + "/ct/volume", CtVolume).wait(lambda m: True, "the latched CT")
         self.assertEqual(late.revision, answer.revision)
         self.expect_ct(self.get().volume)
@@ -233,7 +233,7 @@ class CtServer(unittest.TestCase):
         answer = self.load("ct.nrrd")
         self.assertEqual(answer.status.code, StatusCode.PATH_REFUSED)
         self.assertIn("data_root is not set", answer.status.message)
-        process.kill()  # within the second of the load, as a rule
+        process.kill()  # usually within the second of the load
         self.volume.message = None
         self.start(path="ct.nrrd", data_root=self.root)
         self.assertGreater(self.volume.wait(lambda m: True, "the CT").revision, first.revision)
@@ -335,7 +335,7 @@ class CtServer(unittest.TestCase):
     def test_it_answers_while_it_loads(self):
         self.start(data_root=self.root)
         held = self.load("ct.nrrd").revision
-        # A named pipe stands for a disk that does not answer: it is refused before it is opened.
+        # A named pipe simulates a disk that does not answer: it is refused before it is opened.
         os.mkfifo(self.root + "/pipe.nrrd")
         self.assertIn("neither a folder nor a file",
                       self.expect_refused(StatusCode.FILE_ERROR, "pipe.nrrd", held=held))

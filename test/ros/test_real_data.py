@@ -29,8 +29,8 @@ SPINE = DATA / "plus_us/SpinePhantomFreehand.igs.mha"
 WORST_MEAN_MM = 3.0
 MM_PER_M = 1000.0
 NIFTI_HEADER = 352  # bytes
-# Where somebody would have held the probe: a point of the CT's skin, and the ways of the lateral axis and of the beams
-# (LPS). In front of the liver; behind the third lumbar vertebra.
+# Possible positions of a probe: a point of the CT's skin, and the directions of the lateral axis
+# and of the beams (LPS); in front of the liver, and behind the third lumbar vertebra.
 HELD_AT_LIVER = [-60.0, -288.0, 370.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.1]
 HELD_AT_SPINE = [3.7, -46.0, 315.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]
 
@@ -50,7 +50,7 @@ def write_transform(path, T_ct_us):
 
 
 def T_fixed_us(pose):
-    """Of POSES: about z, then x, then y, as ITK's Euler angles are."""
+    """The transform of an entry of POSES: rotations about z, then x, then y, as of ITK's Euler angles."""
     x, y, z, *translation = map(float, pose.split())
     (cx, sx), (cy, sy), (cz, sz) = [(numpy.cos(angle), numpy.sin(angle)) for angle in (x, y, z)]
     T = numpy.eye(4)
@@ -70,7 +70,7 @@ class Sweep(Recording):
         self.initial = initial_of(self.start)
 
     def T_ct_us(self, skin_mm, lateral, beams):
-        """The middle frame's array lies with its middle on the skin."""
+        """The pose at which the middle frame's array lies with its middle on the skin."""
         beams = numpy.array(beams) / numpy.linalg.norm(beams)
         T_ct_frame = numpy.eye(4)
         T_ct_frame[:3, :3] = numpy.stack([lateral, beams, numpy.cross(lateral, beams)], -1)
@@ -87,7 +87,7 @@ def positions_mm(poses):
 
 
 def points_of(cloud):
-    """x, y, z in mm and intensity."""
+    """Points with x, y, z in mm and intensity."""
     names = [(field.name, field.offset, field.datatype) for field in cloud.fields]
     assert names == [(name, 4 * i, PointField.FLOAT32) for i, name in enumerate(["x", "y", "z", "intensity"])], names
     points = numpy.frombuffer(cloud.data, "<f4").reshape(cloud.height * cloud.width, cloud.point_step // 4)
@@ -117,7 +117,7 @@ class TestRealData(unittest.TestCase):
         print(f"{self._testMethodName}: {time.monotonic() - self.began_s:.1f} s")
 
     def show(self):
-        """rviz on a screen of its own, if somebody wants pictures."""
+        """rviz on a screen of its own, if pictures are wanted."""
         self.rviz = bool(PICTURES) and all(map(shutil.which, ("Xvfb", "rviz", "import")))
         if not self.rviz:
             return
@@ -134,11 +134,11 @@ class TestRealData(unittest.TestCase):
              f"{PICTURES}/{name}.png", *map(str, options)], None)
         if self.rviz:
             wait_for(lambda: "/rviz" in run(["rostopic", "info", "/us/cloud"], self.system.environment), "rviz")
-            time.sleep(5)  # until rviz has drawn what it got
+            time.sleep(5)  # until rviz has drawn its messages
             run(["import", "-window", "root", f"{PICTURES}/{name}_rviz.png"], self.system.environment)
 
     def labels(self):
-        """Both kidneys in one map, 1 and 2, for their surfaces."""
+        """One label map of both kidneys, 1 and 2, for their surfaces."""
         left, right = [gzip.decompress(path.read_bytes()) for path in KIDNEYS.values()]
         voxels = [numpy.frombuffer(content, "<f8", offset=NIFTI_HEADER) for content in (left, right)]
         path = self.folder / "kidneys.nii"
@@ -151,7 +151,7 @@ class TestRealData(unittest.TestCase):
         phantom = ["--scene", "from-ct", "--seed", "1", "--size", "100", "48", "31", "--ct", CT, "--labels",
                    KIDNEYS[side],
                    "--label", "1=cortex", "--kidney-label", "1"]
-        # 10 mm off.
+        # The start is 10 mm off.
         return Acquisition(folder, phantom, shift_mm=6.0, ct=CT)
 
     def test_each_kidney_of_a_real_ct_is_found_in_ultrasound_made_from_it(self):
@@ -174,7 +174,7 @@ class TestRealData(unittest.TestCase):
             self.draw(f"kidney_{side}", kidney.case / "us.nrrd", found, "--points", kidney.case / "targets.csv")
 
     def seen(self, stamp_s):
-        """What a third party gets: the volume and the clouds of it, or None while they are not of that time."""
+        """The volume and its clouds as a third party receives them, or None while they are not of that time."""
         bag = self.folder / "seen.bag"
         topics = "/us/volume", "/us/cloud", "/us/volume_cloud"
         run(["rosbag", "record", "--quiet", "--limit", "1", "--output-name", str(bag), *topics],
@@ -185,7 +185,7 @@ class TestRealData(unittest.TestCase):
         return [found[topic] for topic in topics] if numpy.allclose(stamps, stamp_s, atol=1e-4, rtol=0) else None
 
     def expect_volume(self, volume, sweep):
-        """Frame by frame what the file holds."""
+        """Compares the volume with the file frame by frame."""
         frames, (lines, samples, _) = len(sweep.pictures.pixels), sweep.pictures.probe.points_mm().shape
         self.assertEqual((volume.frames, volume.lines, volume.samples), (frames, lines, samples))
         self.assertEqual(volume.header.frame_id, "us")
@@ -193,14 +193,14 @@ class TestRealData(unittest.TestCase):
         numpy.testing.assert_allclose(stamps_s, sweep.stamps_s(), rtol=0, atol=1e-5)
         self.assertEqual(volume.header.stamp, volume.frame_stamps[-1])
         data = numpy.frombuffer(volume.data, numpy.uint8).reshape(frames, lines, samples)
-        # Rounded.
+        # Brightness is rounded.
         numpy.testing.assert_allclose(data, sweep.pictures.samples(), rtol=0, atol=0.6)
         self.assertGreater(data.std(), 10)
         numpy.testing.assert_allclose(positions_mm(volume.frame_poses), sweep.pictures.T_us_frame()[:, :3, 3], rtol=0,
                                       atol=0.05)
 
     def expect_cloud(self, cloud, sweep, pose):
-        """The middle frame, and the middle line of all others, where the robot had them."""
+        """The middle frame, and the middle line of all others, at their poses by the robot."""
         self.assertEqual(cloud.header.frame_id, "patient")
         probe = sweep.pictures.probe
         step = int(numpy.ceil(0.5 / probe.spacing_mm))
@@ -220,7 +220,7 @@ class TestRealData(unittest.TestCase):
         numpy.testing.assert_allclose(intensities, crossed(sweep.pictures.samples()), rtol=0, atol=0.6)
 
     def expect_volume_cloud(self, cloud, sweep, pose):
-        """All of the sweep where the robot had it, averaged to 2 mm."""
+        """The whole sweep at its poses by the robot, averaged to 2 mm."""
         self.assertEqual(cloud.header.frame_id, "patient")
         T = T_fixed_us(POSES[pose])
         points_mm, intensities = points_of(cloud)
@@ -228,13 +228,13 @@ class TestRealData(unittest.TestCase):
         samples = sweep.pictures.samples()
         print(f"volume cloud: {len(points_mm)} points of {samples.size} samples")
         self.assertLess(len(points_mm), samples.size / 4)
-        # Half a cell, and what does not fill one at an end is left out.
+        # Points are in the middle of cells, and an incomplete cell at an end is left out.
         for extreme in (numpy.min, numpy.max):
             numpy.testing.assert_allclose(extreme(points_mm, 0), extreme(recorded_mm, 0), rtol=0, atol=4.0)
         self.assertAlmostEqual(intensities.mean(), samples.mean(), delta=0.02 * samples.mean())
 
     def expect_refusal(self, sweep):
-        """A CT of somebody else, though the initial alignment makes sense."""
+        """Expects a refusal with the CT of another person, though the initial alignment is plausible."""
         self.system.client("initial", sweep.initial)
         began_s = time.monotonic()
         answer = yaml.safe_load(run(["rosservice", "call", "/register"], self.system.environment))

@@ -23,7 +23,7 @@ PROJECT = pathlib.Path(__file__).resolve().parents[2]
 CLIENT = [sys.executable, str(PROJECT / "scripts/demo_client.py")]
 LIMIT_S = 180.0
 NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")
-# In the fixed frame; the patient was turned and moved in between.
+# Poses in the fixed frame; the patient was turned and moved in between.
 POSES = ("-1.4 0.1 0.3 420 -130 250", "-1.38 0.12 0.28 424 -127 247")
 # A kidney phantom in agar, small enough for tests.
 AGAR = ("--scene", "agar", "--seed", "3", "--size", "120", "64", "41")
@@ -47,7 +47,7 @@ def usct():
 
 
 def pids_of_node(name, environment):
-    """Processes of that name with this test's master: others on this machine may have such nodes as well."""
+    """Processes of that name with this test's master; other tests on the machine may have such nodes as well."""
     found = []
     for process in pathlib.Path("/proc").glob("[0-9]*"):
         try:
@@ -62,14 +62,14 @@ def pids_of_node(name, environment):
 
 
 class Recording:
-    """Bags of a file of ultrasound, each later than the one before: ultrasound that is older than the CT is refused."""
+    """Bags of a file of ultrasound, each later than the last: ultrasound that is older than the CT is refused."""
 
     def __init__(self, folder, ct, *bag_options):
         self.folder, self.ct, self.bag_options = folder, ct, bag_options
         self.start_s = 0
 
     def next_bag(self, pose):
-        """The probe at POSES[pose], 1000 s after the bag before."""
+        """Writes a bag with the probe at POSES[pose], 1000 s after the previous bag."""
         self.start_s += 1000
         file = self.folder / "pose.tfm"
         file.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n"
@@ -81,7 +81,7 @@ class Recording:
 
 
 class Acquisition(Recording):
-    """A phantom, from which one starts off by shift_mm along each axis."""
+    """A phantom, and a start that is off by shift_mm along each axis."""
 
     def __init__(self, folder, phantom=AGAR, shift_mm=5.0, ct=None):
         self.case = folder / "case"
@@ -96,7 +96,7 @@ class Acquisition(Recording):
 
 
 def initial_of(transform):
-    """An ITK transform as demo_client.py takes it."""
+    """An ITK transform in the format of demo_client.py."""
     initial = transform.with_suffix(".json")
     initial.write_text(run([usct(), "info", "--json", str(transform)], None))
     return initial
@@ -140,7 +140,7 @@ class System:
             self.stop(name)
 
     def start_master(self):
-        # Not roscore, which is a parent of the master: killed, it would leave it behind.
+        # The master is started without roscore, its parent, which would leave it behind when killed.
         self.start("master", "rosmaster", "--core", "-p", str(self.port))
         wait_for(lambda: subprocess.run(["rosparam", "list"], env=self.environment, capture_output=True).returncode == 0,
                  "the master")
@@ -152,7 +152,7 @@ class System:
                    f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
 
     def play(self, pose):
-        """Replays the next acquisition and waits for its volume; the one before may still be latched."""
+        """Replays the next acquisition and waits for its volume; the previous one may still be latched."""
         bag = self.acquisition.next_bag(pose)
         self.stop("player")
         self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(bag))
@@ -181,11 +181,11 @@ class TestReplay(unittest.TestCase):
         shutil.rmtree(self.folder)
 
     def ct_in_tf(self):
-        """From another process; fails unless it is within 2 mm of the truth."""
+        """Looks the CT up in tf in another process; fails unless it is within 2 mm of the truth."""
         print(self.system.client("ct_in_tf", self.acquisition.case / "targets_ct.csv"))
 
     def acquire_and_register(self, pose):
-        """The operator's part: an acquisition, and /register with nothing."""
+        """The operator's part: an acquisition, and an empty call of /register."""
         self.system.play(pose)
         self.system.client("initial", self.acquisition.initial)
         answer = run(["rosservice", "call", "/register"], self.system.environment)
@@ -217,7 +217,7 @@ class TestReplay(unittest.TestCase):
             os.kill(pid, signal.SIGKILL)
             wait_for(lambda: set(pids_of_node(node, self.system.environment)) - {pid}, f"{node} to come back")
             self.system.client("ready")
-            # The CT that was accepted is still there, or there again.
+            # The accepted CT is still there, or there again.
             self.ct_in_tf()
         self.acquire_and_register(0)
 
@@ -227,7 +227,7 @@ class TestReplay(unittest.TestCase):
         self.system.client("ready")
         self.acquire_and_register(0)
         self.system.stop("master", signal.SIGKILL)
-        # Nodes do not find a new master by themselves; that is ROS 1. A new launch has the CT of the old one.
+        # A ROS 1 node does not find a new master by itself. A new launch has the CT of the old one.
         self.system.stop("player")
         self.system.stop("nodes")
         self.system.start_master()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tf_publisher from outside: what tf says after results, decisions, deaths and restarts."""
+"""tf_publisher from outside: the transforms in tf after results, decisions, crashes and restarts."""
 import os
 import sys
 import tempfile
@@ -26,7 +26,7 @@ OTHER_CT_CRC32 = 7654321
 class TfPublisher(unittest.TestCase):
     def setUp(self):
         self.namespace = "/" + self.id().split(".")[-1]
-        # tf is one for all namespaces: each test has frames of its own.
+        # All namespaces share one tf, so that each test has frames of its own.
         self.fixed = self.namespace[1:] + "_base"
         self.ct = self.namespace[1:] + "_ct"
         self.folder = tempfile.TemporaryDirectory()
@@ -190,7 +190,7 @@ class TfPublisher(unittest.TestCase):
         self.wait_tf(0.25)
         process.kill()
 
-        # The latched result 2 comes again, and is not taken for a new one; no CT is known.
+        # The latched result 2 arrives again and is not taken for a new one; no CT is known yet.
         process = self.start(policy="auto", alignment_file=self.file)
         message = self.wait_state(Alignment.NONE)
         self.assertIn("waits for its CT or accept", message.message)
@@ -206,7 +206,7 @@ class TfPublisher(unittest.TestCase):
         self.assertEqual(message.accepted, before.accepted)
         self.assertEqual((message.result_id, message.ct_crc32), (0, CT_CRC32))
 
-        # What is reverted does not come back either.
+        # A reverted alignment does not come back either.
         self.assertEqual(self.decide("revert").code, StatusCode.OK)
         process.kill()
         self.start(policy="auto", alignment_file=self.file)
@@ -243,7 +243,7 @@ class TfPublisher(unittest.TestCase):
             status = self.diagnosis(lambda s: s.level == s.ERROR, "an error")
             self.assertIn(self.file, status.message)
             self.assertIn("damaged", process.log())
-            # The latched result comes again, for what was decided is not known any more.
+            # The latched result arrives again, because the decision on it is no longer known.
             self.wait_waiting(1)
             self.assertEqual(self.decide("accept").code, StatusCode.OK)
             with open(self.file) as stream:
@@ -276,7 +276,7 @@ class TfPublisher(unittest.TestCase):
         transforms = Newest("/tf", tf2_msgs.msg.TFMessage)
 
         def wait_stamp(now_s):
-            """tf says now + tolerance, and less than the 1 ms more by which it is told apart."""
+            """Waits for the stamp now + tolerance, within less than 1 ms."""
             def arrived(message):
                 clock.publish(Clock(rospy.Time.from_sec(now_s)))
                 stamped = message.transforms[0]
@@ -291,7 +291,7 @@ class TfPublisher(unittest.TestCase):
         wait_for(tick, "the result to be accepted")
         wait_stamp(100.0)
         wait_stamp(200.0)
-        # Time stands still: a new alignment is told apart from the old one of the same stamp.
+        # Time stands still; the new alignment gets a later stamp, which distinguishes it from the old one.
         before = transforms.message.transforms[0].header.stamp
         self.result(2, 0.5)
         message = transforms.wait(

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""docs/two_machines.md, between two network namespaces: the robot's computer with the master, the replay and robot.launch;
+"""docs/two_machines.md between two network namespaces: the robot's computer with the master, the replay and robot.launch;
 a workstation with workstation.launch."""
 import os
 import pathlib
@@ -94,7 +94,7 @@ class TestTwoMachines(unittest.TestCase):
         targets = self.acquisition.case / "targets_ct.csv"
         for machine in (self.robot, self.workstation):
             print(self.run_on(machine, *CLIENT, "ct_in_tf", targets))
-        # The workstation fails: the robot keeps the CT.
+        # The workstation fails, and the robot keeps the CT.
         self.system.stop("workstation")
         print(self.run_on(self.robot, *CLIENT, "ct_in_tf", targets))
 

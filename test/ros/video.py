@@ -65,7 +65,7 @@ class Decoder:
         buffer = ctypes.create_string_buffer(stream + bytes(PADDING))
         packet = ctypes.cast(self.packet, ctypes.POINTER(Packet)).contents
         data, size, at, zero = POINTER(), ctypes.c_int(), 0, ctypes.c_int64(0)
-        # Without any input the parser gives what it still holds.
+        # Without any input the parser returns its remaining data.
         left = True
         while left or size.value > 0:
             left = at < len(stream)

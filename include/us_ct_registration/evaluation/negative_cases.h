@@ -37,8 +37,8 @@ Eigen::Isometry3d pose_of_other_ct(const Eigen::Isometry3d& T_us_ct,
                                    const Eigen::Vector3d& centre_us_mm,
                                    const Eigen::Vector3d& centre_other_ct_mm);
 
-/// `T_us_ct` followed by a translation in a random direction, so far that at least `gap_mm` lie
-/// between the CT and the field of view.
+/// `T_us_ct` followed by a translation in a random direction that leaves at least `gap_mm` between
+/// the CT and the field of view.
 Eigen::Isometry3d moved_apart(const Eigen::Isometry3d& T_us_ct, const Grid& ct,
                               const ScanGeometry& ultrasound, double gap_mm, std::uint64_t seed);
 

@@ -10,15 +10,15 @@ namespace usct {
 
 /// A motion that moves the points by exactly `displacement_mm` on average: a rotation about their
 /// centroid, then a translation. Axis and direction of the translation are uniform on the sphere;
-/// the angle is uniform up to `max_rotation_rad`, or up to where the rotation alone moves the
-/// points that far; the translation is as long as it takes.
+/// the angle is uniform up to `max_rotation_rad`, or up to the angle that alone moves the points
+/// that far; the length of the translation follows from the displacement.
 ///
 /// The same seed gives the same motion. Throws InputError if there is no point, one is not finite,
 /// the displacement is not finite and >= 0, or the angle is not in [0, pi].
 Eigen::Isometry3d random_motion(std::uint64_t seed, const std::vector<Eigen::Vector3d>& points_mm,
                                 double displacement_mm, double max_rotation_rad);
 
-/// A box of motions, by half its widths.
+/// A box of motions, given by half its widths.
 struct MotionBox {
   double rotation_rad = 0.0;
   double translation_mm = 0.0;
@@ -29,7 +29,7 @@ struct MotionBox {
 };
 
 /// The thesis' perturbation: angles about the x, y and z axis of the US frame and translations
-/// along them, each uniform within the box. Turns about the points' centroid, by x first.
+/// along them, each uniform within the box. The rotation is about the points' centroid, by x first.
 /// Throws InputError as above.
 Eigen::Isometry3d random_motion_in_box(std::uint64_t seed,
                                        const std::vector<Eigen::Vector3d>& points_mm,

@@ -15,14 +15,14 @@
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
-/// A study: many registrations of cases with known truth, and how far off each was. The tables made
-/// of it are in study_statistics.h and study_report.h.
+/// A study: many registrations of cases with known truth, and their errors. study_statistics.h and
+/// study_report.h make tables of it.
 namespace usct {
 
 /// A folder as `usct phantom` writes it: `ct` (.nrrd, .mha or .nii.gz), `us.nrrd`, `truth.tfm`,
 /// `targets.csv`.
 struct StudyCase {
-  /// Of the folder.
+  /// Name of the folder.
   std::string name;
   CtVolume ct;
   PreScanVolume ultrasound;
@@ -52,7 +52,7 @@ bool has_truth(TrialKind kind);
 
 struct Trial {
   TrialKind kind = TrialKind::kStart;
-  /// Indices of the cases whose ultrasound and CT these are.
+  /// Indices of the cases that give the ultrasound and the CT.
   std::size_t us_case = 0;
   std::size_t ct_case = 0;
   /// Number of the trial among those of its kind and case.
@@ -68,17 +68,18 @@ struct Trial {
 struct StudyOptions {
   /// Number of trials per case, and per kind of negative trials; >= 1.
   int starts = 9;
-  /// Mean displacement of the targets at the start, and over how many bins of it starts spread.
+  /// Range of the mean displacement of the targets at the start; starts are spread evenly over its
+  /// bins.
   double min_displacement_mm = 0.0;
   double max_displacement_mm = 30.0;
   int bins = 3;
   /// Largest rotation of a start.
   double max_rotation_rad = 0.5235987755982988;  // 30 degrees
-  /// Starts from a box in place of displacements.
+  /// If set, starts are drawn from this box and not by displacement.
   std::optional<MotionBox> box;
   /// Whether the study consists of negative trials (all kinds but kStart).
   bool negatives = false;
-  /// Negative trials: displacements of far starts, and the gap of those that do not overlap.
+  /// Negative trials: displacements of far starts, and the gap of starts without overlap.
   double far_min_mm = 60.0;
   double far_max_mm = 100.0;
   double gap_mm = 150.0;
@@ -112,7 +113,7 @@ struct StudyRun {
   std::optional<ExpectedTargetErrors> expected;
 
   bool accepted() const { return result.T_us_ct.has_value(); }
-  /// Wall time of the registration without files: the result's "total" if it tells one, else the
+  /// Wall time of the registration without files: the "total" of the result if it has one, else the
   /// sum of its steps.
   double seconds() const;
 };
@@ -122,12 +123,12 @@ using Register = std::function<RegistrationResult(const PreScanVolume&, const Ct
 
 enum class StudyThreads {
   kOverTrials,   // each registration on one thread: most registrations per hour
-  kWithinTrial,  // one registration after the other, each on all threads: honest seconds
+  kWithinTrial,  // one registration after the other, each on all threads: comparable times
 };
 
-/// Runs all trials on `threads` threads (>= 1). The outcome has the order of the trials and, if
-/// `register_one` is a pure function, does not depend on the threads but for seconds. What
-/// `register_one` throws ends the study.
+/// Runs all trials on `threads` threads (>= 1). The runs have the order of the trials and, if
+/// `register_one` is a pure function, do not depend on the number of threads except for their
+/// times. An exception of `register_one` ends the study.
 std::vector<StudyRun> run_trials(const std::vector<StudyCase>& cases,
                                  const std::vector<Trial>& trials, const Register& register_one,
                                  StudyThreads how, int threads, const Progress& progress = {});

@@ -8,7 +8,7 @@
 #include "us_ct_registration/evaluation/study.h"
 #include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
-/// A study in writing: Markdown for people, JSON for programs.
+/// Reports of a study: Markdown for people, JSON for programs.
 namespace usct {
 
 /// Markdown tables of the runs with truth, by group: errors, rates, time, and success by
@@ -16,17 +16,16 @@ namespace usct {
 std::string accuracy_markdown(const std::vector<StudyRun>& runs,
                               const std::vector<double>& bin_edges_mm);
 
-/// Per case, as tables 5.1 and 5.2 of the thesis: mean and deviation of the error of the runs that
-/// converged, size and spacing of the ultrasound as it was registered (along `beams`), time per
-/// run; beside them what the thesis says in its text, how many runs there were and the share that
-/// converged.
+/// Table per case, as tables 5.1 and 5.2 of the thesis: mean and deviation of the error of the runs
+/// that converged, size and spacing of the ultrasound as it was registered (along `beams`), time
+/// per run; and, as in the text of the thesis, the number of runs and the share that converged.
 std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
                             const BeamOptions& beams = {});
 
-/// Negative trials, by kind.
+/// Table of negative trials, by kind.
 std::string negatives_markdown(const std::vector<StudyRun>& runs);
 
-/// Expected against true errors; one line if no run has both.
+/// Table of expected against true errors; one line if no run has both.
 std::string calibration_markdown(const std::vector<StudyRun>& runs);
 
 /// `{"version", "study": {...}, "runs": [...]}`, `study` as given; each run with `case`, `group`,
@@ -35,7 +34,8 @@ std::string calibration_markdown(const std::vector<StudyRun>& runs);
 /// (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`), and of its result `status`,
 /// `message`, `T_us_ct`, `similarity`, `overlap`, `evaluations`, `measures`, `seconds` by
 /// stage, `options`.
-/// What is not known is null. Atomic; throws InputError if the folder cannot be written to.
+/// Unknown values are null. Writes atomically; throws InputError if the folder cannot be written
+/// to.
 void write_study_json(const std::vector<StudyRun>& runs,
                       const std::map<std::string, std::string>& study,
                       const std::filesystem::path& path);

@@ -28,7 +28,7 @@ Spread spread_of(std::vector<double> values);
 /// values of one sequence are equal. Throws InputError if the numbers of values differ.
 double spearman_correlation(const std::vector<double>& a, const std::vector<double>& b);
 
-/// Starts with displacements in [low_mm, high_mm), the last bin with its end.
+/// Starts with displacements in [low_mm, high_mm); the last bin includes its end.
 struct DisplacementBin {
   double low_mm = 0.0;
   double high_mm = 0.0;
@@ -69,7 +69,7 @@ struct NegativeStatistics {
   /// Number of accepted runs that have no truth, or an error of kSuccessMm or more.
   std::size_t accepted_wrong = 0;
 };
-/// Kinds that occur, in their order.
+/// Statistics of each kind that occurs, in the order of TrialKind.
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs);
 
 /// Expected against true errors, both RMS over the targets of a case, of accepted runs that have
@@ -81,9 +81,9 @@ struct CalibrationBin {
   std::size_t runs = 0;
   double mean_expected_mm = 0.0;
   double mean_true_mm = 0.0;
-  /// RMS of the true ones over RMS of the expected ones: 1 if covariances are right.
+  /// RMS of the true errors over RMS of the expected ones: 1 if covariances are right.
   double rms_ratio = 0.0;
-  /// Share of true errors up to twice the expected one.
+  /// Share of true errors that are at most twice the expected one.
   double share_within_twice = 0.0;
 };
 struct Calibration {

@@ -27,7 +27,7 @@ class MonotonicTable {
   double mean_slope_inverse_;  // entries per unit of value
 };
 
-/// The same as `MonotonicTable::at`, for a table that is known to be valid (two entries or more).
+/// Value of `MonotonicTable::at` for a table that is known to be valid (two entries or more).
 double interpolate_table(const std::vector<double>& values, double index);
 
 /// `count` values spaced by `pitch` and centred on zero: (i - (count - 1) / 2) * pitch.

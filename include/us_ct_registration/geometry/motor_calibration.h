@@ -52,9 +52,9 @@ struct SliceAngle {
     kMissing,    // no volume shows the wires
   };
   Status status = Status::kMissing;
-  int volumes = 0;           // that show the wires in this frame
+  int volumes = 0;           // number of volumes that show the wires in this frame
   double distance_mm = 0.0;  // mean of h over these volumes
-  double angle_rad = 0.0;    // eq 3.1, negative before zero_frame if rising; 0 for kAtMinimum
+  double angle_rad = 0.0;    // by eq 3.1, negative before zero_frame if rising; 0 for kAtMinimum
   double residual_mm = 0.0;  // mean of h minus the fit
 };
 
@@ -62,7 +62,7 @@ struct SliceAngle {
 struct SweepHalf {
   double step_rad = 0.0;            // motor angle from one frame to the next
   double standard_error_rad = 0.0;  // of step_rad
-  int frames = 0;                   // that the fit used
+  int frames = 0;                   // number of frames that the fit used
 };
 
 struct MotorCalibration {

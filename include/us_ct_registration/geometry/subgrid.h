@@ -4,7 +4,7 @@
 
 namespace usct {
 
-/// How far apart, in voxels, the voxels of two grids may lie that count as the same: NIfTI files
+/// Greatest distance, in voxels, between voxels of two grids that count as the same: NIfTI files
 /// hold positions in single precision.
 constexpr double kSameVoxelTolerance = 0.02;
 

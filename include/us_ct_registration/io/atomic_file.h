@@ -5,7 +5,7 @@
 
 namespace usct {
 
-/// Writes a file so that `target` is at every moment either what it was before or complete.
+/// Writes a file so that `target` is at every moment either unchanged or complete.
 ///
 /// `write` is given the path of a temporary file in the folder of `target`, whose name ends in the
 /// whole name of `target` (writers that choose the format by the extension see the same one), and

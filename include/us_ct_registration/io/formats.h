@@ -11,10 +11,10 @@
 /// docs/file_formats.md describes the files themselves. A new format is a new row.
 namespace usct {
 
-/// What a file contains. A command treats all formats of one content alike.
+/// Kinds of content of a file. A command treats all formats of one content alike.
 enum class FileContent { kCtSeries, kVolume, kUltrasound, kTransform, kResult, kPoints, kProbe };
 
-/// How files of a format are read, and perhaps written, as ultrasound.
+/// Functions that read, and possibly write, files of a format as ultrasound.
 struct UltrasoundFormat {
   /// Reads the file. Throws InputError; the options below have been checked before.
   UltrasoundInput (*read)(const UltrasoundSource& source) = nullptr;
@@ -23,7 +23,7 @@ struct UltrasoundFormat {
   std::vector<UltrasoundField> needed_options;
   /// Further options that files of the format can use. All other options are refused.
   std::vector<UltrasoundField> usable_options;
-  /// Why other options are refused, for messages: "it holds its own geometry".
+  /// Reason why other options are refused, for messages: "it holds its own geometry".
   std::string refusal;
 
   /// File name ending of files that `write` makes; empty if the format is only read.
@@ -37,19 +37,19 @@ struct UltrasoundFormat {
 };
 
 struct FileFormat {
-  /// For people: "DICOM series", "pre-scan ultrasound (NRRD)".
+  /// Name for users: "DICOM series", "pre-scan ultrasound (NRRD)".
   std::string name;
   FileContent content;
 
   /// A file is of this format if its name has one of these endings (in lower case; the case of the
-  /// name does not matter), or if `recognises` says so. A damaged file with the right ending is
-  /// thereby named as such by its reader. `recognises` throws nothing; it may be null.
+  /// name does not matter), or if `recognises` says so. A damaged file with the right ending thus
+  /// gets an error from its reader. `recognises` throws nothing; it may be null.
   std::vector<std::string> endings;
   bool (*recognises)(const std::filesystem::path& path) = nullptr;
 
-  /// What `usct info` says of a file: a JSON object as text, keys in reading order with units in
-  /// their names, and `warnings` (a list of texts). The whole file is read, so that the range of
-  /// values is known and damage shows. Throws InputError as the reader does.
+  /// The output of `usct info` for a file: a JSON object as text, keys in reading order with units
+  /// in their names, and `warnings` (a list of texts). The whole file is read, so that the range of
+  /// values is known and damage is found. Throws InputError as the reader does.
   std::string (*describe)(const std::filesystem::path& path) = nullptr;
 
   /// Empty if files of the format are not ultrasound.

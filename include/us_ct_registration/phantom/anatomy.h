@@ -8,7 +8,7 @@
 
 namespace usct::phantom {
 
-/// A ball that is too small for a raster of tissue to hold: a fiducial, a bubble.
+/// A ball that is too small for the raster of tissue: a fiducial, a bubble.
 struct Ball {
   Eigen::Vector3d centre_ct_mm;
   double radius_mm;

@@ -8,7 +8,7 @@
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/volume/volume.h"
 
-/// A CT of an anatomy.
+/// Formation of a CT from an anatomy.
 namespace usct::phantom {
 
 struct CtOptions {
@@ -18,7 +18,7 @@ struct CtOptions {
   Eigen::Vector3d spacing_mm{0.468, 0.468, 1.0};
   /// Storage order: the directions of the index axes, each L or R, P or A, S or I.
   std::string axes = "LPS";
-  /// Turns the grid about its centre, degrees, about x, then y, then z.
+  /// Rotation of the grid about its centre, degrees, about x, then y, then z.
   Eigen::Vector3d oblique_deg = Eigen::Vector3d::Zero();
   /// Standard deviation of the noise, HU; [0, 200].
   double noise_hu = 14.0;

@@ -57,21 +57,21 @@ enum class Approach { kAuto, kLateral, kPosterior, kAnterior };
 Approach parse_approach(const std::string& text, const std::string& source);
 std::string to_string(Approach approach);
 
-/// How a CT becomes the anatomy. A label map gives the tissue of a voxel; voxels without a label
-/// are classified by HU.
+/// Options for making an anatomy from a CT. A label map gives the tissue of a voxel; voxels without
+/// a label are classified by HU.
 struct FromCtOptions {
-  /// Tissue of each label. `Tissue::kCortex` stands for a whole kidney: medulla and sinus are then
-  /// made up inside.
+  /// Tissue of each label. `Tissue::kCortex` stands for a whole kidney, inside which medulla and
+  /// sinus are then generated.
   std::map<int, Tissue> tissue_of_label;
   /// The label of the kidney to look at, or, without labels, a point in it (targets are then on a
   /// sphere of 30 mm radius around it).
   std::optional<int> kidney_label;
   std::optional<Eigen::Vector3d> kidney_centre_mm;
   Approach approach = Approach::kAuto;
-  /// Voxels of at least this HU are bone; [50, 3000]. To be raised where contrasted vessels are
-  /// brighter. Stones in a kidney are 100 HU above it.
+  /// Voxels of at least this HU are bone; [50, 3000]. A CT with brighter contrasted vessels needs a
+  /// higher value. Stones in a kidney are 100 HU above it.
   double bone_hu = 200.0;
-  /// Standard deviation of noise that is added to the CT that is handed out, HU; [0, 200].
+  /// Standard deviation of noise that is added to the CT of the case, HU; [0, 200].
   double added_noise_hu = 0.0;
 };
 
@@ -88,21 +88,21 @@ struct PhantomOptions {
   void validate() const;
 };
 
-/// The physical truth: where the tissue was when it was imaged. Errors of the acquisition (sound
-/// speed, motor, poses, lag) are in the image and not in the truth, as in reality.
+/// The physical truth: the positions of the tissue when it was imaged. Errors of the acquisition
+/// (sound speed, motor, poses, lag) are in the image and not in the truth, as in reality.
 struct PhantomTruth {
   /// The rigid transform that maps the kidney's surface from CT to US with the least squared
   /// distance; exact where nothing deforms.
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
-  /// Kidney surface: `targets_us_mm[i]` is where `targets_ct_mm[i]` was during the ultrasound,
-  /// deformation included.
+  /// Kidney surface: `targets_us_mm[i]` is the position of `targets_ct_mm[i]` during the
+  /// ultrasound, deformation included.
   std::vector<Eigen::Vector3d> targets_ct_mm;
   std::vector<Eigen::Vector3d> targets_us_mm;
   /// Root mean square and largest distance between `T_us_ct * targets_ct_mm` and `targets_us_mm`:
   /// the error that remains after the best rigid registration.
   double rms_residual_mm = 0.0;
   double max_residual_mm = 0.0;
-  /// Centres of the steel balls; empty where the scene has none.
+  /// Centres of the steel balls; empty if the scene has none.
   std::vector<Eigen::Vector3d> fiducials_ct_mm;
   std::vector<Eigen::Vector3d> fiducials_us_mm;
   /// The true geometry; the pre-scan volume holds the recorded one.
@@ -125,8 +125,8 @@ struct PhantomCase {
 /// InputError for options out of range, and for the scene from-ct, which needs a CT.
 PhantomCase make_phantom(const PhantomOptions& options, const Progress& progress = {});
 
-/// A phantom case whose anatomy is a CT, which is handed out as it is (with noise added on
-/// request). `labels` may lie on any grid, and be empty where `options.from_ct` names no label.
+/// A phantom case whose anatomy is a CT. The CT of the case is the same one (with noise added on
+/// request). `labels` may lie on any grid, and be empty if `options.from_ct` names no label.
 /// `options.scene` must be from-ct; `options.ct` and other options of the other scenes are not
 /// used.
 PhantomCase make_phantom_from_ct(const CtVolume& ct, const LabelVolume& labels,

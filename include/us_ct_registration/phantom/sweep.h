@@ -8,7 +8,7 @@
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 
-/// The motion of the probe, as recorded and as it really was.
+/// The motion of the probe, recorded and true.
 namespace usct::phantom {
 
 enum class SweepKind { kMotorised, kTrackedCurvilinear, kTrackedLinear };
@@ -22,8 +22,8 @@ struct SweepOptions {
   int samples = 154;
   int lines = 128;
   int frames = 81;
-  /// From the array's surface to the last sample, mm; (start_depth_mm, 300]. Unset: what shows the
-  /// scene's kidney.
+  /// Distance from the array's surface to the last sample, mm; (start_depth_mm, 300]. Unset: the
+  /// depth that shows the scene's kidney.
   std::optional<double> depth_mm;
   double start_depth_mm = 0.0;
   /// Radius of the array's surface, mm. Unset: 40 motorised (4DC7-3/40), 60 tracked.
@@ -43,8 +43,8 @@ struct SweepOptions {
   /// Frames per second of a tracked sweep.
   double frame_rate_hz = 20.0;
 
-  /// The error of the recorded motor angles: 0 none, 1 as in thesis 3.1.6
-  /// (steps of 0.611 of 0.731 degrees on the negative side, 0.747 on the other), up to 2.
+  /// The error of the recorded motor angles: 0 none, 1 as in thesis 3.1.6 (steps of 0.611 instead
+  /// of 0.731 degrees on the negative side, 0.747 on the other), up to 2.
   double sweep_error = 0.0;
   /// Standard deviation of the recorded poses of tracked frames, per axis; mm and degrees.
   double pose_noise_mm = 0.0;
@@ -60,9 +60,9 @@ struct SweepOptions {
 struct Acquisition {
   ScanGeometry recorded;
   ScanGeometry truth;
-  /// For each frame the frame whose image it shows.
+  /// For each frame, the index of the frame whose image it shows.
   std::vector<int> image_of_frame;
-  /// Where the scene's probe frame (middle of the sweep) lies in the US frame.
+  /// Pose of the scene's probe frame (middle of the sweep) in the US frame.
   Eigen::Isometry3d T_us_probe = Eigen::Isometry3d::Identity();
 };
 

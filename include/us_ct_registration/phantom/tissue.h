@@ -68,8 +68,8 @@ class TissueTable {
   /// In vivo values for a contrasted CT (late arterial phase), after textbook tables (Duck 1990;
   /// Szabo 2014) and rounded; echogenicities as a sonographer would rank them.
   static TissueTable patient();
-  /// The same, with the kidney of thesis 3.1: flushed, diluted contrast agent in the parenchyma,
-  /// concentrated contrast agent in gelatine in the arteries.
+  /// The values of `patient`, except for the kidney of thesis 3.1: flushed, diluted contrast agent
+  /// in the parenchyma, concentrated contrast agent in gelatine in the arteries.
   static TissueTable ex_vivo();
 
   const TissueProperties& operator[](Tissue tissue) const {
@@ -80,8 +80,8 @@ class TissueTable {
   }
 
   /// Draws HU, echogenicity and impedance of soft tissue and fluid towards the renal cortex: each
-  /// difference is multiplied by `contrast` (0: none left, 1: as it is). Bone, gas, stone, steel,
-  /// plastic and air stay as they are.
+  /// difference is multiplied by `contrast` (0: no difference, 1: unchanged). Bone, gas, stone,
+  /// steel, plastic and air do not change.
   TissueTable with_contrast(double contrast) const;
 
  private:

@@ -26,7 +26,8 @@ struct UltrasoundOptions {
   /// Depth at which the electronic noise drowns soft tissue (0.5 dB/cm/MHz), mm; smaller is a
   /// weaker scanner; [10, 1000].
   double penetration_mm = 150.0;
-  /// Without time gain compensation the image falls off as the tissue attenuates.
+  /// Whether gain rises with depth to compensate attenuation; without it the image darkens with
+  /// depth.
   bool time_gain_compensation = true;
   /// Standard deviation of the operator's eight TGC sliders, dB; [0, 20].
   double tgc_error_db = 2.0;
@@ -49,8 +50,8 @@ struct UltrasoundOptions {
   /// The scanner assumes a speed of sound (1 + error) times the true one, so every echo is shown
   /// at (1 + error) times its depth; [-0.1, 0.1].
   double sound_speed_error = 0.0;
-  /// 0: one speed of sound everywhere. 1: each tissue has its own (fat 1450, muscle 1580 m/s), so
-  /// layers shift what lies below them; [0, 1].
+  /// Weight of the tissues' own speeds of sound (fat 1450, muscle 1580 m/s), so that layers shift
+  /// the echoes from below them; 0: one speed everywhere; [0, 1].
   double tissue_speeds = 0.0;
 
   void validate(int lines) const;

@@ -38,7 +38,7 @@ void draw_text(Picture& picture, const std::string& text, int x, int y,
 /// as wide as its widest.
 Picture tile(const std::vector<std::vector<Picture>>& rows);
 
-/// Atomic. Throws InputError if the path does not end in .png or cannot be written.
+/// Writes atomically. Throws InputError if the path does not end in .png or cannot be written.
 void write_png(const Picture& picture, const std::filesystem::path& path);
 
 }  // namespace usct

@@ -30,7 +30,8 @@ std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVol
 /// sweep, whose US frame is the tracker's and may be far away, the frame of its middle image.
 Eigen::Isometry3d T_us_acquired(const ScanGeometry& geometry);
 
-/// The middle sample of the middle line of the middle frame, with the axes of `T_us_acquired`. mm.
+/// Frame at the middle sample of the middle line of the middle frame, with the axes of
+/// `T_us_acquired`, mm.
 Eigen::Isometry3d T_us_field(const ScanGeometry& geometry);
 
 }  // namespace usct

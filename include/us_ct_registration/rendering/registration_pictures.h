@@ -14,7 +14,7 @@
 #include "us_ct_registration/volume/volume.h"
 
 /// Pictures for people to judge a registration by: iso-lines of the CT, drawn on the ultrasound,
-/// must lie on the ultrasound's edges. They are drawn only where the CT is.
+/// must lie on the ultrasound's edges. They are drawn only within the CT.
 ///
 /// A result that was refused is drawn at its best candidate, if it has one, and every such picture
 /// says so in red.
@@ -35,11 +35,11 @@ struct RegistrationPictureOptions {
   Eigen::Matrix3d axes_us = Eigen::Matrix3d::Identity();
   double pixel_mm = 0.4;
   /// If empty, the levels are the border of fat and soft tissue (-30 HU), bone (300 HU), and a
-  /// level between them if the CT in the field of the ultrasound has two clear classes there: then
-  /// it separates them, as the kidney in a CT with contrast medium or in agar.
+  /// level between them if the CT in the field of the ultrasound has two clear classes there, which
+  /// it then separates: the kidney and its surroundings in a CT with contrast medium or in agar.
   std::vector<ContourLevel> levels;
   /// Standard deviation of the Gaussian that smooths the CT in the plane before its lines are
-  /// drawn: less leaves noise, more rounds off what is small.
+  /// drawn: a lower value leaves noise, a higher one rounds off small structures.
   double smoothing_mm = 1.0;
   /// Connected lines of a total length below this are noise and are not drawn.
   double least_length_mm = 12.0;
@@ -64,23 +64,23 @@ Picture picture_registration(const ScanConverted& us, const CtVolume& ct,
                              const RegistrationResult& result,
                              const RegistrationPictureOptions& options = {});
 
-/// The pose after the registration only. Rows are the three planes; columns ultrasound and CT, both
-/// with the CT's lines, and both as a blend and a checkerboard. Throws InputError also if there is
-/// no pose to draw.
+/// Shows the pose after the registration only. Rows are the three planes; columns ultrasound and
+/// CT, both with the CT's lines, and both as a blend and a checkerboard. Throws InputError also if
+/// there is no pose to draw.
 Picture picture_fusion(const ScanConverted& us, const CtVolume& ct,
                        const RegistrationResult& result,
                        const RegistrationPictureOptions& options = {});
 
-/// The pose after the registration only. Rows are the directions of the three planes; columns
+/// Shows the pose after the registration only. Rows are the directions of the three planes; columns
 /// parallel planes evenly through the ultrasound's field, with the CT's lines. Throws InputError
 /// also if there is no pose to draw.
 Picture picture_parallel_slices(const ScanConverted& us, const CtVolume& ct,
                                 const RegistrationResult& result,
                                 const RegistrationPictureOptions& options = {});
 
-/// The three above as `before_after.png`, `fusion.png` and `slices.png` in `folder`, which is
-/// created; the last two only if there is a pose to draw. Returns the paths. Throws InputError as
-/// those do, and if a file cannot be written.
+/// Writes the three pictures above as `before_after.png`, `fusion.png` and `slices.png` to
+/// `folder`, which is created; the last two only if there is a pose to draw. Returns the paths.
+/// Throws InputError as the three functions do, and if a file cannot be written.
 std::vector<std::filesystem::path> write_registration_pictures(
     const ScanConverted& us, const CtVolume& ct, const Eigen::Isometry3d& T_us_ct_before,
     const RegistrationResult& result, const std::filesystem::path& folder,

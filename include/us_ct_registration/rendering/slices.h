@@ -41,7 +41,7 @@ struct CtWindow {
 /// Scan-converted ultrasound; dark blue outside the mask.
 Picture render_us(const UsVolume& us, const MaskVolume& mask, const SlicePlane& plane);
 
-/// The CT as it lies in the US frame; dark blue outside the CT.
+/// The CT at its pose in the US frame; dark blue outside the CT.
 Picture render_ct(const CtVolume& ct, const Eigen::Isometry3d& T_us_ct, CtWindow window,
                   const SlicePlane& plane);
 
@@ -54,7 +54,8 @@ void draw_points(Picture& picture, const SlicePlane& plane,
                  const std::vector<Eigen::Vector3d>& points_mm, double distance_mm,
                  const Picture::Colour& colour);
 
-/// Squares, so many side by side, ultrasound and CT in turn: edges must continue across squares.
+/// A checkerboard of `squares_across` squares per row, ultrasound and CT in turn: at a right pose,
+/// edges continue across squares.
 Picture checkerboard(const Picture& us, const Picture& ct, int squares_across = 6);
 
 }  // namespace usct

@@ -9,7 +9,7 @@
 
 namespace usct {
 
-/// How a voxel that several frames pass through gets its value.
+/// Rule for the value of a voxel that several frames pass through.
 enum class Compounding {
   kMean,     // mean, weighted by 1 - distance / half thickness
   kMaximum,  // the brightest
@@ -21,9 +21,9 @@ struct CompoundOptions {
   /// A frame fills the voxels whose centres lie within half of this from its plane. Below 1.75
   /// voxels even one frame may leave pinholes.
   double slice_thickness_mm = 1.0;
-  /// Where pixels or samples are closer than voxels, takes the mean over a square of the plane with
-  /// the side of a voxel (its smallest spacing), up to 8 x 8 points; else speckle aliases. False
-  /// takes the value at the voxel's centre.
+  /// Whether pixels or samples that are closer than voxels are averaged over a square of the plane
+  /// with the side of a voxel (its smallest spacing), up to 8 x 8 points, to avoid aliasing of
+  /// speckle. False takes the value at the voxel's centre.
   bool average_in_plane = true;
   /// An empty voxel is filled, and counted as known, if known voxels face each other across it
   /// within this distance, on either side, along one of the 13 directions to its neighbours:

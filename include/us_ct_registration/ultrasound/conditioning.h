@@ -57,8 +57,8 @@ struct ConditioningOptions {
   double smoothing_mm = 1.0;
   /// Standard deviation of the Gaussian window for the local mean and standard deviation, mm.
   double window_mm = 8.0;
-  /// Its square is added to the local variance, in units of the variance of all samples that count.
-  /// It keeps noise in empty regions from being amplified.
+  /// The square of this is added to the local variance, in units of the variance of all samples
+  /// that count, so that noise in empty regions is not amplified.
   double least_deviation = 0.1;
   DepthOptions depth;
   /// Samples with at least this grey value are saturated and do not count, > 0; unset: none are.
@@ -111,7 +111,7 @@ struct ConditionedUltrasound {
 /// frames on the middle line. Only samples that count enter.
 ///
 /// Throws InputError if the ultrasound or an option is invalid, or the depth range holds no sample.
-/// If no sample counts, that is not an error, and `reasons` says why.
+/// It is not an error if no sample counts; `reasons` then gives the reasons.
 ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
                                 const ConditioningOptions& options, const Progress& progress = {});
 

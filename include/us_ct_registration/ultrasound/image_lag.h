@@ -13,8 +13,8 @@
 /// Temporal calibration of tracked ultrasound: images and poses of a tracked probe reach the
 /// recorder by different ways, and images usually arrive later. With an image lag L, the image with
 /// time stamp t shows what the probe saw at t - L (L < 0 if the poses arrive later). Without
-/// correction every frame is placed at a later pose of the probe, and the registration is wrong by
-/// as much.
+/// correction every frame is placed at a later pose of the probe, and the registration has the same
+/// error.
 namespace usct {
 
 /// The pose at a time, interpolated between the two poses around it: linearly for the translation,
@@ -74,7 +74,7 @@ struct LagEstimate {
 /// Deterministic. Throws InputError if the volume is invalid, motorised or without frame times.
 LagEstimate estimate_lag(const PreScanVolume& volume);
 
-/// The same from B-mode images; pixels outside the ultrasound fan are ignored.
+/// Estimates the lag from B-mode images; pixels outside the ultrasound fan are ignored.
 LagEstimate estimate_lag(const TrackedImages& images);
 
 }  // namespace usct

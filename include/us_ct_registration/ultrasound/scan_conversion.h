@@ -28,11 +28,9 @@ Grid fan_grid(const ScanGeometry& geometry, double spacing_mm);
 ///
 /// A sample represents half a sample, half a line and half a frame around itself. Voxels in that
 /// range are in the mask; beyond the centres of the outermost samples the edge value is repeated.
-/// half a sample, half a line and half a frame around itself; voxels in that range are in the mask,
-/// and beyond the centres of the outermost samples the edge is repeated. Nothing else is
-/// extrapolated. The grid may have any orientation; rows along the x axis of the US frame are
-/// faster. Throws InputError if the volume or grid is invalid or the sweep is a tracked one (see
-/// compounding.h).
+/// Nothing else is extrapolated. The grid may have any orientation; rows along the x axis of the US
+/// frame are faster. Throws InputError if the volume or grid is invalid or the sweep is a tracked
+/// one (see compounding.h).
 ScanConverted scan_convert(const PreScanVolume& prescan, const Grid& grid,
                            Interpolation interpolation, const Progress& progress = {});
 

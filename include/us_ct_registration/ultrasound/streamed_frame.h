@@ -11,23 +11,23 @@
 
 namespace usct {
 
-/// Where a tracked frame was acquired.
+/// Pose of a tracked frame.
 struct FramePose {
   /// Maps frame coordinates to the US frame, mm.
   Eigen::Isometry3d T_us_frame = Eigen::Isometry3d::Identity();
   /// Name of the US frame.
   std::string us_frame_id;
-  /// True: the sender measured the pose at the frame's stamp, which is not yet the time that the
-  /// image shows if images lag poses. False: the pose was looked up at the stamp minus the lag.
+  /// True: the sender measured the pose at the frame's stamp. If images lag poses, the image shows
+  /// an earlier time. False: the pose was looked up at the stamp minus the lag.
   bool at_stamp = true;
 };
 
-/// What the motor of a motorised probe did during a frame.
+/// Motion of the motor of a motorised probe during a frame.
 struct MotorFrame {
   double motor_radius_mm = 0.0;
-  /// At the middle of the frame.
+  /// Motor angle at the middle of the frame.
   double angle_rad = 0.0;
-  /// From the first line of the frame to the last; negative when the motor runs back.
+  /// Travel from the first line of the frame to the last; negative when the motor runs back.
   double travel_rad = 0.0;
 };
 
@@ -35,21 +35,21 @@ struct MotorFrame {
 struct StreamedFrame {
   /// Number of the sweep that the frame belongs to, counted by the sender.
   std::uint32_t sweep = 0;
-  /// Of the frame within its sweep, from 0, in the order of acquisition.
+  /// Index of the frame within its sweep, from 0, in the order of acquisition.
   std::uint32_t index = 0;
-  /// 0: unknown.
+  /// Number of frames in the sweep; 0: unknown.
   std::uint32_t frames_in_sweep = 0;
   /// Middle of the frame's acquisition, nanoseconds since 1970.
   std::int64_t stamp_ns = 0;
-  /// Name of a coordinate frame: of a motorised probe the US frame, of a tracked probe what moves
-  /// with the array.
+  /// Name of a coordinate frame: the US frame of a motorised probe, or the frame that moves with
+  /// the array of a tracked probe.
   std::string frame_id;
 
   AxialSampling axial;
   Array array;
   /// Set for motorised probes only.
   std::optional<MotorFrame> motor;
-  /// Tracked probes only; empty if no pose is known, and `pose_problem` says why.
+  /// Pose, of tracked probes only; empty if it is not known, with the reason in `pose_problem`.
   std::optional<FramePose> pose;
   std::string pose_problem;
 

@@ -15,11 +15,11 @@
 namespace usct {
 
 struct AssemblyOptions {
-  /// A sweep ends when no frame has come for this long.
+  /// A sweep ends when no frame has arrived for this long.
   double sweep_pause_s = 1.0;
   /// Largest share of a sweep's frames that may be missing.
   double max_missing = 0.1;
-  /// Longer and larger sweeps are refused: frames, and bytes of brightness.
+  /// Most frames, and most bytes of brightness, of a sweep; larger sweeps are refused.
   int max_frames = 2000;
   std::size_t max_bytes = std::size_t{1} << 30;
   /// An image stamped t shows what the probe saw at t - lag.
@@ -34,7 +34,7 @@ struct AssembledSweep {
   PreScanVolume volume;
   /// Name of the US frame.
   std::string us_frame_id;
-  /// When each frame of the volume was acquired: its stamp minus the image lag, nanoseconds since
+  /// Acquisition time of each frame of the volume: its stamp minus the image lag, nanoseconds since
   /// 1970.
   std::vector<std::int64_t> stamps_ns;
   /// The frames of the volume, as they were given to the assembler.
@@ -46,7 +46,7 @@ struct EndedSweep {
   std::uint32_t number = 0;
   /// Empty if the sweep was refused.
   std::optional<AssembledSweep> assembled;
-  /// Why the sweep was refused; else which frames were dropped, or empty.
+  /// Reason why the sweep was refused; else the frames that were dropped, or empty.
   std::string message;
 };
 
@@ -64,13 +64,13 @@ struct EndedSweep {
 /// the limits, if geometry, sizes, frame names or the motor's travel change within it, if stamps
 /// fall or if the motor turns back.
 ///
-/// Without lag every number of a volume is that of its frames, bit by bit.
+/// If the lag is 0, every number of a volume equals that of its frames, bit by bit.
 class SweepAssembler {
  public:
   explicit SweepAssembler(const AssemblyOptions& options);
 
-  /// Takes a frame that came at `now_ns` and returns the sweeps that ended with it. When time runs
-  /// backwards (a recording that starts again), the assembler forgets everything first.
+  /// Takes a frame that arrived at `now_ns` and returns the sweeps that ended with it. When time
+  /// runs backwards (a recording that starts again), the assembler forgets everything first.
   std::vector<EndedSweep> add(const std::shared_ptr<const StreamedFrame>& frame,
                               std::int64_t now_ns);
   /// Counts a frame that could not even be read, because of `problem`, as an invalid one.

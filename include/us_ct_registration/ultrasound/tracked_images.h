@@ -17,7 +17,7 @@ struct TrackedImages {
   int height = 0;  // rows
   /// Brightness, width x height x images, columns fastest.
   std::vector<std::uint8_t> pixels;
-  /// Per image: maps (column, row, 0), whole at pixel centres, to the US frame in mm. Affine, since
+  /// Maps (column, row, 0), whole at pixel centres, to the US frame in mm, per image. Affine, since
   /// pixels need not be square nor a calibration exactly rigid; its third column is not used.
   std::vector<Eigen::Affine3d> T_us_pixel;
   /// width x height, columns fastest: 0 where the image shows no ultrasound (text, scales, beyond
@@ -43,13 +43,13 @@ std::vector<std::uint8_t> shown_rectangle(int width, int height, int first_colum
 /// InputError if the images are invalid or the spacing is not > 0.
 Grid image_grid(const TrackedImages& images, double spacing_mm);
 
-/// How a probe appears in its B-mode images.
+/// Placement of a probe in its B-mode images.
 struct ImagePlacement {
   /// Column and row of the origin of frame coordinates: the centre of curvature of the array, or
   /// the middle of the array if it is linear. May lie outside the image.
   Eigen::Vector2d origin_px = Eigen::Vector2d::Zero();
-  /// Size of a pixel along columns (x, lateral) and rows (y, axial); negative where the image runs
-  /// the other way.
+  /// Size of a pixel along columns (x, lateral) and rows (y, axial); negative if the image's axis
+  /// runs against that of the frame.
   Eigen::Vector2d spacing_mm = Eigen::Vector2d::Ones();
 };
 

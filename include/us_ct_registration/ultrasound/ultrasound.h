@@ -15,7 +15,7 @@ namespace usct {
 using Ultrasound = std::variant<PreScanVolume, TrackedImages, UsVolume>;
 
 /// The ultrasound on a Cartesian grid of isotropic `spacing_mm` in the US frame, by scan conversion
-/// or compounding. A Cartesian volume is returned as it is, with all voxels known.
+/// or compounding. A Cartesian volume is returned unchanged, with all voxels known.
 ScanConverted in_space(const Ultrasound& ultrasound, double spacing_mm,
                        const CompoundOptions& options, const Progress& progress = {});
 

@@ -10,9 +10,9 @@
 namespace usct {
 
 struct BeamOptions {
-  /// Set: the ultrasound is first scan-converted (or compounded) to this isotropic spacing, and its
-  /// beams run in parallel (variant A of the thesis); images whose beams are not known need this.
-  /// Unset: the true beams. A Cartesian volume keeps its voxels in either case.
+  /// If set, the ultrasound is first scan-converted (or compounded) to this isotropic spacing, and
+  /// its beams are parallel (variant A of the thesis); images whose beams are not known need this.
+  /// If unset, the true beams are used. A Cartesian volume keeps its voxels in either case.
   std::optional<double> parallel_beams_mm;
   CompoundOptions compounding;
   /// Direction of the beams in a Cartesian volume, or in the scan-converted one.

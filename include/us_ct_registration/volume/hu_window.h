@@ -6,7 +6,7 @@
 
 namespace usct {
 
-/// Range of CT values that a similarity uses. Outside lie air, bone and metal, whose steps of
+/// Range of CT values that a similarity uses. Outside are air, bone and metal, whose steps of
 /// hundreds of HU would outweigh all soft tissue.
 struct HuWindow {
   double low_hu = -150.0;

@@ -55,7 +55,7 @@ Grid grid_of_indices(const ScanGeometry& geometry) {
 /// Amplitude of speckle in dB, minus its mean at each depth.
 Volume<float> speckle_db(const Grid& grid, std::uint64_t seed, const SpeckleOptions& options) {
   const Vector3d sigma_mm(options.axial_mm, options.lateral_mm, options.elevation_mm);
-  // Smoothing averages less at the ends of a volume: these lie beyond.
+  // Smoothing averages fewer samples at the ends of a volume; the margin keeps the ends outside.
   const Eigen::Vector3i margin =
       (3.0 * sigma_mm.cwiseQuotient(grid.spacing_mm)).array().ceil().cast<int>();
   Grid wider = grid;

@@ -15,7 +15,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using phantom::Sequence;
 
-/// Purposes of random numbers, each of which gets a stream of its own.
+/// Purposes of random numbers, each of which has its own stream.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
 
 Vector3d centroid(const std::vector<Vector3d>& points_mm) {

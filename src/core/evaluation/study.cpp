@@ -57,7 +57,7 @@ void require_cases(const std::vector<StudyCase>& cases) {
       throw InputError("cases", "two are named '" + study_case.name + "', names must differ");
 }
 
-/// The others of its group, beginning with the next one.
+/// The other cases of its group, beginning with the next one.
 std::vector<std::size_t> others_of_group(const std::vector<StudyCase>& cases, std::size_t own) {
   std::vector<std::size_t> others;
   for (std::size_t step = 1; step < cases.size(); ++step) {
@@ -149,7 +149,8 @@ StudyRun evaluated(const std::vector<StudyCase>& cases, const Trial& trial,
   return run;
 }
 
-/// Threads of OpenMP for a while. Within a parallel loop, loops run on one thread.
+/// Sets the number of OpenMP threads within a scope. Loops within a parallel loop run on one
+/// thread.
 class ThreadCount {
  public:
   explicit ThreadCount(int threads)

@@ -51,7 +51,7 @@ double mean_step(const std::vector<double>& table) {
              : std::abs(table.back() - table.front()) / static_cast<double>(table.size() - 1);
 }
 
-/// Samples x lines x frames.
+/// The size in samples x lines x frames.
 std::string size_of(const ScanGeometry& geometry) {
   return text("(%d, %d, %d)", geometry.samples(), geometry.lines(), geometry.frames());
 }
@@ -66,7 +66,7 @@ std::string spacing_of(const ScanGeometry& geometry) {
   return spacing + "tracked)";
 }
 
-/// Size and spacing, of the Cartesian volume where beams are parallel.
+/// Size and spacing; those of the Cartesian volume if the beams are parallel.
 std::pair<std::string, std::string> size_and_spacing(const PreScanVolume& ultrasound,
                                                      const BeamOptions& beams) {
   if (!beams.parallel_beams_mm)

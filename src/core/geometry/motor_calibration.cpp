@@ -101,8 +101,8 @@ Sweep first_guess(const std::vector<Observation>& observations, double true_dist
                          std::to_string(zero) + "), must have one between frames " +
                          std::to_string(static_cast<int>(first)) + " and " +
                          std::to_string(static_cast<int>(last)));
-  // Step from the curvature of the parabola, for a half whose outermost frame has no angle by eq
-  // 3.1.
+  // The step follows from the curvature of the parabola for a half whose outermost frame has no
+  // angle by eq 3.1.
   const double slope = std::sqrt(2.0 * parabola[2] / true_distance_mm);
   const auto step = [&](const Observation& end) {
     const double angle = angle_of(true_distance_mm, end.distance_mm);

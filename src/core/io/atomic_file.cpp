@@ -47,7 +47,7 @@ void check_target(const fs::path& target) {
     throw InputError(target.string(), "folder '" + folder.string() + "' does not exist");
 }
 
-/// Throws InputError unless a file can be created in the folder. Only an attempt tells:
+/// Throws InputError unless a file can be created in the folder. Only an attempt shows that:
 /// permissions, access lists and read-only mounts can all prevent it.
 void check_folder_is_writable(const fs::path& target, const fs::path& temporary) {
   const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

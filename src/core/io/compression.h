@@ -14,7 +14,7 @@ enum class Compression { kZlib, kGzip };
 ///
 /// A wrong size in a header cannot exhaust memory: an expected size beyond the largest compression
 /// ratio of deflate (1032:1) is refused at once, and memory grows with the decompressed data.
-/// Throws InputError, naming `source`, if the data are damaged, end early, or give more or less.
+/// Throws InputError, naming `source`, if the data are damaged, end early, or have another size.
 Bytes decompress(const Bytes& bytes, std::size_t offset, std::uint64_t expected_size,
                  Compression compression, const std::string& source);
 

@@ -26,7 +26,7 @@ std::string format(const Eigen::MatrixBase<Derived>& v) {
   return out;
 }
 
-/// With as many digits as are needed to read the same numbers back.
+/// Numbers with as many digits as are needed to read the same numbers back.
 template <typename Derived>
 std::string format_exactly(const Eigen::MatrixBase<Derived>& v) {
   std::string out;

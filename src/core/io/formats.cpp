@@ -52,8 +52,8 @@ UltrasoundFormat motorised_recording(
           write};
 }
 
-/// The rows in order of precedence. The content of a file speaks before its name where it can: a
-/// pre-scan NRRD and an IGSIO sequence have the endings of volumes.
+/// The rows are in order of precedence. The content of a file counts before its name where
+/// possible: a pre-scan NRRD and an IGSIO sequence have the endings of volumes.
 std::vector<FileFormat> make_table() {
   return {
       {"DICOM series", FileContent::kCtSeries, {}, is_dicom, describe_dicom, {}},

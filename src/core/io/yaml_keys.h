@@ -11,8 +11,7 @@
 
 namespace usct::io {
 
-/// The keys of a YAML map. The reader asks for each key by name, and refuses the keys that it did
-/// not ask for.
+/// The keys of a YAML map. The reader asks for each key by name, and refuses all other keys.
 ///
 /// Errors are InputErrors that name the source and the whole path of the key, such as
 /// `search.levels[1].optimizer.initial_step`.
@@ -28,7 +27,7 @@ class YamlKeys {
     return path_.empty() ? key : path_ + "." + key;
   }
   bool has(const std::string& key) const { return nodes_.count(key) != 0; }
-  /// In alphabetical order.
+  /// All keys, in alphabetical order.
   std::vector<std::string> all() const;
 
   /// These throw if the key is missing, or not of the right type.
@@ -39,7 +38,7 @@ class YamlKeys {
   std::vector<double> table(const std::string& key);
   std::optional<double> optional_number(const std::string& key);
 
-  /// Throws InputError for a key that was not asked for; `hint` ends the message.
+  /// Throws InputError if the map has a key that was not asked for; `hint` ends the message.
   void refuse_unknown(const std::string& hint = "") const;
 
  private:
@@ -49,7 +48,7 @@ class YamlKeys {
   std::set<std::string> used_;
 };
 
-/// Throws InputError, naming `source`, for what is not YAML.
+/// Throws InputError, naming `source`, if the text is not YAML.
 YAML::Node parse_yaml(const std::string& text, const std::string& source);
 
 /// Throws InputError as `read_bytes` and `parse_yaml`.

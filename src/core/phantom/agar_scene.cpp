@@ -64,7 +64,7 @@ class AgarAnatomy : public Anatomy {
   }
 
   void place_kidney(Sequence& random) {
-    // Lying flat: long axis along x, thin axis (its z) vertical, hilum to one side.
+    // The kidney lies flat: long axis along x, thin axis (its z) vertical, hilum to one side.
     const double hilum_side = random.next() % 2 == 0 ? 1.0 : -1.0;
     Eigen::Matrix3d flat;
     flat.col(0) = Vector3d::UnitX();
@@ -89,7 +89,8 @@ class AgarAnatomy : public Anatomy {
   }
 
   void place_bubbles(Sequence& random, int count) {
-    // Air is trapped on the kidney's upper surface and in its vessels; some floats in the agar.
+    // Air is trapped on the kidney's upper surface and in its vessels; some bubbles float in the
+    // agar.
     for (int i = 0; i < count; ++i) {
       Vector3d direction = random.direction();
       const Vector3d up = T_kidney_box_.linear() * -Vector3d::UnitY();

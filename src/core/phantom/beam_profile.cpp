@@ -11,7 +11,7 @@ constexpr double kSpeedMmPerUs = 1.54;
 constexpr double kFwhmPerSigma = 2.3548200450309493;
 // Width of the beam of an apodised aperture at its focus, in wavelengths times f-number.
 constexpr double kDiffraction = 1.3;
-// Out of focus, the geometric cone of an apodised aperture.
+// Opening of the geometric cone of an apodised aperture, out of focus.
 constexpr double kCone = 0.6;
 constexpr double kSmallestApertureMm = 2.0;
 
@@ -48,7 +48,7 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
                            std::max(options.f_number, depth / (2.0 * half_aperture_mm(depth)));
     const OneWay lens = focused_beam(options.elevation_aperture_mm, options.elevation_focus_mm,
                                      depth, wavelength_mm_);
-    // Widths of products of Gaussians.
+    // Products of Gaussians have these widths.
     const double lateral = transmit.fwhm_mm * receive / std::hypot(transmit.fwhm_mm, receive);
     const double elevation = lens.fwhm_mm / std::sqrt(2.0);
     narrowest = std::min(narrowest, lateral * elevation);
@@ -64,7 +64,7 @@ BeamProfile::BeamProfile(const UltrasoundOptions& options, double frequency_mhz,
     width.speckle_scale = static_cast<float>(std::sqrt(ratio));
     width.plane_scale = static_cast<float>(ratio);
   }
-  // Scattering cells of energy 1 per mm^3 add up to level 1 (see ScattererField).
+  // With scattering cells of energy 1 per mm^3 the level is 1 (see ScattererField).
   smallest_cell_mm3_ = std::pow(kPi, 1.5) * axial_sigma_mm_ * narrowest;
   for (BeamWidth& width : table_)
     width.speckle_scale /= static_cast<float>(std::sqrt(smallest_cell_mm3_));

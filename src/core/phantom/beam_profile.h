@@ -14,10 +14,10 @@ struct BeamWidth {
   /// Curvature of the transmitted wavefront, 1/mm; in elevation, of both ways together.
   float lateral_curvature;
   float elevation_curvature;
-  /// 1 over the root of the energy of the cross-section, relative to the narrowest: speckle of
-  /// one tissue is as bright at any depth.
+  /// 1 over the root of the energy of the cross-section, relative to the narrowest, so that the
+  /// speckle of a tissue is equally bright at all depths.
   float speckle_scale;
-  /// The same for a plane: 1 over the area of the cross-section.
+  /// The scale for a plane: 1 over the area of the cross-section.
   float plane_scale;
 };
 

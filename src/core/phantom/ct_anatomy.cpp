@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 constexpr float kFatHu = -25.0F;
 constexpr float kCorticalBoneHu = 450.0F;
 constexpr double kHuSmoothingMm = 1.0;
-/// Distance to what is outside the label map.
+/// Distance to objects outside the label map.
 constexpr float kFarMm = 1e3F;
 
 constexpr double kSkinMm = 2.0;

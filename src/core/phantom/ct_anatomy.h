@@ -9,8 +9,8 @@
 
 namespace usct::phantom {
 
-/// A real CT as anatomy: tissues are those of the label map, smoothed, and where there is no label
-/// they are classified by HU.
+/// A real CT as anatomy: tissues are those of the label map, smoothed; voxels without a label are
+/// classified by HU.
 class CtAnatomy : public Anatomy {
  public:
   /// Throws InputError if the CT shows no body, a label is not in the map, or the kidney's centre

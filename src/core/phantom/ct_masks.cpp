@@ -13,7 +13,7 @@ using Eigen::Vector3i;
 
 const char* const kSource = "from-ct";
 
-/// Every n-th voxel of the CT, 255 where it is not air.
+/// Every n-th voxel of the CT, 255 if it is not air.
 MaskVolume coarse_body_candidates(const CtVolume& ct) {
   const Vector3i step = (kBodyVoxelMm / ct.grid.spacing_mm.array()).round().max(1.0).cast<int>();
   Grid grid = ct.grid;
@@ -28,7 +28,8 @@ MaskVolume coarse_body_candidates(const CtVolume& ct) {
   return mask;
 }
 
-/// Marks with `mark` all voxels of value `value` that connect to `seed` by faces; their number.
+/// Marks with `mark` all voxels of value `value` that connect to `seed` by faces; returns their
+/// number.
 std::size_t flood(MaskVolume& mask, const Vector3i& seed, std::uint8_t value, std::uint8_t mark) {
   std::vector<Vector3i> front = {seed};
   mask.at(seed.x(), seed.y(), seed.z()) = mark;

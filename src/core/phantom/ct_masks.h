@@ -2,12 +2,12 @@
 
 #include "us_ct_registration/volume/volume.h"
 
-/// Which voxels of a CT and of its label map belong to an object; 255 in a mask, 0 elsewhere.
+/// Masks of the objects in a CT and in its label map: 255 in the object, 0 elsewhere.
 namespace usct::phantom {
 
-/// Below this, in HU, a CT shows air.
+/// HU below which a CT shows air.
 constexpr float kAirHu = -300.0F;
-/// Voxels of the mask of the body are about this large, or as large as those of the CT.
+/// Approximate size of the voxels of the body's mask, unless those of the CT are larger.
 constexpr double kBodyVoxelMm = 2.5;
 
 /// The body: the largest connected object that is not air, together with the air that it encloses

@@ -22,7 +22,7 @@ struct View {
   double score = -1.0;
 };
 
-/// The way to the skin in a direction, and the share of the kidney's surface that sound reaches
+/// The path to the skin in a direction, and the share of the kidney's surface that sound reaches
 /// from there without meeting bone or gas.
 View view_from(const CtAnatomy& anatomy, const Vector3d& aim, const Vector3d& outwards,
                double standoff_mm) {
@@ -46,7 +46,7 @@ View view_from(const CtAnatomy& anatomy, const Vector3d& aim, const Vector3d& ou
     }
     free += blocked ? 0 : 1;
   }
-  // A short way and a probe that lies flat on the skin count as well.
+  // A short path and a probe that lies flat on the skin also raise the score.
   view.score =
       std::max(0.0, static_cast<double>(free) / rays + 0.3 - 0.004 * length_mm - 1.5 * tilt);
   return view;
@@ -68,7 +68,7 @@ std::pair<int, int> angles_deg(Approach approach) {
 
 /// Angles run from lateral (0) to posterior (90) and anterior (-90).
 View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, Sequence& random) {
-  // The near side: where the skin is closer, left or right.
+  // Lateral is the side, left or right, on which the skin is closer.
   const Vector3d& centre = anatomy.kidney_centre_mm();
   double side = 1.0;
   for (int step_mm = 0; step_mm < 400; ++step_mm) {
@@ -98,7 +98,7 @@ View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, 
     }
   if (best.score < 0.0)
     throw InputError(kSource, "no skin in the CT from which a probe could see the kidney");
-  // The probe is held somewhat beside the best position, as by a person.
+  // The aim is somewhat beside the best position, as with a probe held by a person.
   const Vector3d aim =
       centre + Vector3d(random.gaussian(0, 3), random.gaussian(0, 3), random.gaussian(0, 4));
   const View held = view_from(

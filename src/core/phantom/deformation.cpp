@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// How far the dent reaches into the depth and to the sides.
+// Extent of the dent in depth and to the sides.
 constexpr double kDentDepthMm = 32.0;
 constexpr double kDentWidthMm = 40.0;
 

@@ -8,9 +8,9 @@
 
 namespace usct::phantom {
 
-/// A smooth displacement field u in CT coordinates: what was at p when the CT was taken is at
-/// p + u(p) during the ultrasound. A sum of vector-valued Gaussian bumps at the kidney, and the
-/// dent that the probe makes.
+/// A smooth displacement field u in CT coordinates: a point at p in the CT is at p + u(p) during
+/// the ultrasound. It is the sum of vector-valued Gaussian bumps at the kidney and the dent that
+/// the probe makes.
 class Deformation {
  public:
   Deformation() = default;
@@ -37,7 +37,7 @@ class Deformation {
   Eigen::Vector3d pressing_ = Eigen::Vector3d::Zero();
 };
 
-/// Where the anatomy lies for the probe: p_probe = T_probe_ct * (p + u(p)).
+/// The pose of the displaced anatomy in the probe frame: p_probe = T_probe_ct * (p + u(p)).
 struct Placement {
   Eigen::Isometry3d T_probe_ct = Eigen::Isometry3d::Identity();
   Deformation deformation;

@@ -47,7 +47,7 @@ Isometry3d T_probe_frame(const Acquisition& acquisition, int frame) {
   return acquisition.T_us_probe.inverse() * T_us_frame_of(acquisition.truth, frame, middle);
 }
 
-/// Number of scatterers per cell with which speckle is fully developed where the beam is narrowest.
+/// Number of scatterers per cell for fully developed speckle at the narrowest point of the beam.
 int scatterers_per_cell(const BeamProfile& profile) {
   constexpr double kPerResolutionCell = 6.0;
   const double lattice_cell_mm3 = std::pow(TissueRaster::kPitchMm, 3);
@@ -56,7 +56,7 @@ int scatterers_per_cell(const BeamProfile& profile) {
   return std::clamp(static_cast<int>(std::ceil(needed)), 1, 8);
 }
 
-/// Frames that repeat the image of another one get its envelope.
+/// Copies the envelope of a frame to the frames that repeat its image.
 void repeat_images(const Acquisition& acquisition, std::size_t per_frame,
                    std::vector<float>& envelope) {
   const int frames = acquisition.truth.frames();
@@ -77,7 +77,7 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
   options.validate(geometry.lines());
   const double frequency_mhz = options.frequency_mhz.value_or(scene.suggested_frequency_mhz);
   const double recorded_depth_mm = geometry.axial.depth_mm(geometry.samples() - 1);
-  // A scanner that assumes too low a speed shows echoes from deeper than it believes.
+  // A scanner that assumes too low a speed shows echoes from deeper than its nominal depth.
   const double deepest_mm =
       std::max(recorded_depth_mm, recorded_depth_mm / (1.0 + options.sound_speed_error)) + 5.0;
   const double kidney_depth_mm = (placement.probe_from_ct(scene.kidney_centre_ct_mm)).y();

@@ -12,7 +12,7 @@
 namespace usct::phantom {
 
 /// The envelope of the received signal before compression: samples x lines x frames, samples
-/// fastest, linear; the speckle of renal cortex has a root mean square of 1 where gain and TGC are
+/// fastest, linear; the speckle of renal cortex has a root mean square of 1 if gain and TGC are
 /// right.
 std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
                                const Acquisition& acquisition, const UltrasoundOptions& options,

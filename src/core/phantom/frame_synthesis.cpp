@@ -15,15 +15,16 @@ using Eigen::Vector3f;
 
 constexpr float kReach = 2.7F;  // standard deviations of the point spread
 constexpr int kFractions = 64;
-// A perfect plane mirror across the beam, relative to the speckle of renal cortex: the level of
-// fat against kidney (7 % reflection) is then some 15 to 20 dB above it, as it looks.
+// Level of a perfect plane mirror across the beam, relative to the speckle of renal cortex. The
+// border of fat and kidney (7 % reflection) is then 15 to 20 dB above the speckle, as in real
+// images.
 constexpr float kMirrorLevel = 900.0F;
 // Diffuse share and narrowness of the reflection of tissue interfaces.
 constexpr float kDiffuse = 0.06F;
 constexpr int kDirectivityPower = 14;
 constexpr float kSideLobe = 0.03F;
 constexpr float kSideLobeWiden = 3.2F;
-// Echoes below this (cortex = 1) are not worth following.
+// Echoes below this level (cortex = 1) are neglected.
 constexpr float kFaint = 1e-4F;
 constexpr float kNothingLeft = 3e-6F;
 
@@ -82,7 +83,7 @@ float unit_from(std::uint32_t h) { return static_cast<float>(uniform(mix(h))); }
 
 }  // namespace
 
-/// The signal of a frame, with room before and after each line for parts of pulses.
+/// The signal of a frame, with padding before and after each line for parts of pulses.
 struct FrameSynthesis::Signal {
   Signal(int lines, int samples_in, int pad_in)
       : samples(samples_in),
@@ -247,7 +248,8 @@ void FrameSynthesis::add_surface(const SurfaceScatterer& scatterer, const Isomet
     return;
   if (place.line < -12.0F || place.line > static_cast<float>(line_positions_.size()) + 11.0F)
     return;
-  // Just above the interface: the map is too coarse to tell its two sides apart.
+  // The sound is taken just above the interface, because the map is too coarse to separate its
+  // sides.
   const float above_mm = scatterer.is_strong ? 1.6F : 0.4F;
   const TransmissionMap::Value left =
       transmission.at(place.line, std::max(0.0F, place.depth_mm - above_mm));
@@ -285,7 +287,8 @@ void FrameSynthesis::add_ringing(const SurfaceScatterer& scatterer, const Place&
   ghost.widen = 1.5F;
   if (ghost.amplitude > kFaint && scatterer.ball_radius_mm == 0.0F)
     add_echo(place, width, ghost, signal);
-  // Sound that bounces between bubbles of foam, or within a steel ball, comes back in a train.
+  // Sound that bounces between bubbles of foam, or within a steel ball, returns as a train of
+  // echoes.
   const bool steel_ball = scatterer.ball_radius_mm > 0.0F && !scatterer.is_gas;
   if (!scatterer.is_gas && !steel_ball) return;
   const float interval_mm = steel_ball ? 0.9F : 0.8F + 1.5F * unit_from(scatterer.hash);

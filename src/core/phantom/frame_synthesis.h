@@ -16,12 +16,12 @@ namespace usct::phantom {
 /// (in-phase and quadrature), so that neighbouring scatterers interfere and make speckle.
 class FrameSynthesis {
  public:
-  /// `geometry`: the true one, of which frames other than the one asked for are not looked at.
+  /// `geometry` is the true one; only the requested frame of it is used.
   FrameSynthesis(const ScattererField& field, const BeamProfile& profile,
                  const UltrasoundOptions& options, const ScanGeometry& geometry,
                  const Eigen::Isometry3d& T_us_probe);
 
-  /// lines x samples, samples fastest.
+  /// Echoes of a frame, lines x samples, samples fastest.
   std::vector<std::complex<float>> echoes(int frame, const TransmissionMap& transmission) const;
 
  private:
@@ -60,7 +60,7 @@ class FrameSynthesis {
   Eigen::Isometry3d T_us_probe_;
   bool curved_;
   float array_radius_mm_ = 0.0F;
-  float axis_offset_mm_ = 0.0F;        // of the motor, D
+  float axis_offset_mm_ = 0.0F;        // D of the motor
   std::vector<float> line_positions_;  // angles or mm
   std::vector<float> line_tilts_rad_;  // motor travel since the middle of the frame
   float largest_tilt_rad_ = 0.0F;

@@ -77,7 +77,7 @@ Vector3d Kidney::point_at(const Vector3d& unit_u, double rho) const {
   return unbent(rho / normalise(unbent(1.0)).rho);
 }
 
-/// Along a direction of u, from the sinus' wall (t = 0) to the height of the pyramids' bases (1).
+/// The point along a direction of u, from the sinus' wall (t = 0) to the pyramids' bases (t = 1).
 Vector3d Kidney::point_between(const Vector3d& unit_u, double t) const {
   const Vector3d surface = point_at(unit_u, 1.0);
   const double base = pyramid_base(normalise(surface));
@@ -96,7 +96,7 @@ Vector3d Kidney::surface_point_mm(const Vector3d& direction) const {
 }
 
 double Kidney::sinus_wall(const Vector3d& unit_u) const {
-  // Where a ray from the origin leaves the sinus' ellipsoid, which holds the origin.
+  // The point at which a ray from the origin leaves the sinus' ellipsoid, which holds the origin.
   const Vector3d v = unit_u.cwiseQuotient(sinus_axes_);
   const Vector3d c = -kSinusCentre.cwiseQuotient(sinus_axes_);
   const double a = v.squaredNorm();
@@ -115,11 +115,11 @@ Tissue Kidney::parenchyma_or_sinus(const Normalised& n) const {
   double cosine = -1.0;
   for (const Vector3d& axis : pyramids_) cosine = std::max(cosine, axis.dot(unit));
   const double off_axis = std::sqrt(2.0 * std::max(0.0, 1.0 - cosine)) / pyramid_angle_rad_;
-  // Papillae stand into the sinus; its fat reaches further out between them.
+  // Papillae protrude into the sinus; between them its fat extends further out.
   const double wall =
       sinus_wall(unit) * n.rho / n.length * (1.1 - 0.28 * std::exp(-4.0 * off_axis * off_axis));
   if (n.rho < wall) return Tissue::kSinusFat;
-  // A cone with a domed base.
+  // A pyramid is a cone with a domed base.
   const double t = (n.rho - wall) / std::max(0.05, base - wall);
   const bool pyramid = off_axis < 0.38 + 0.62 * t && t < 1.0 - 0.22 * off_axis * off_axis;
   return pyramid ? Tissue::kMedulla : Tissue::kCortex;
@@ -197,7 +197,7 @@ void Kidney::grow_vessels(std::uint64_t seed, const KidneyContent& content) {
       {vein_end_, 0.5 * (vein_end_ + vein_hilum) + Vector3d(-2.0, 0.0, 1.0), vein_hilum}, 5.0, 4.2,
       Tissue::kVein);
   for (std::size_t i = 0; i < pyramids_.size(); ++i) {
-    // Between this pyramid and its nearest neighbour: interlobar vessels in the column, then
+    // Interlobar vessels run in the column between this pyramid and its nearest neighbour, then
     // arcuate ones over both bases.
     std::size_t nearest = i == 0 ? 1 : 0;
     for (std::size_t j = 0; j < pyramids_.size(); ++j)

@@ -18,7 +18,8 @@ struct KidneyContent {
   bool tumour = false;
   bool cyst = false;
   bool stone = false;
-  /// The collecting system is wide, as behind an obstruction (else it is almost collapsed).
+  /// Scale of the collecting system, which is wide, as behind an obstruction (else it is almost
+  /// collapsed).
   double calyx_scale = 1.0;
 };
 

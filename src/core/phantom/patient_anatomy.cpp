@@ -18,7 +18,8 @@ constexpr double kFasciaMm = 0.7;
 constexpr double kCorticalShellMm = 1.3;
 constexpr double kVertebraPitchMm = 38.0;
 
-/// Squared normalised distance from the axis of an elliptic cylinder or ellipsoid: 1 on it.
+/// Squared normalised distance from the axis of an elliptic cylinder or ellipsoid: 1 on its
+/// surface.
 double ellipse(double x, double rx, double y, double ry, double z = 0.0, double rz = 1.0) {
   return (x * x) / (rx * rx) + (y * y) / (ry * ry) + (z * z) / (rz * rz);
 }
@@ -113,7 +114,7 @@ std::optional<Tissue> PatientAnatomy::wall_tissue(const Vector3d& p, double dept
   const Vector3d along(3.5 * std::atan2(p.y(), p.x()), p.z() / 37.0, 0.0);
   double layer = kSkinMm + fat_mm_ + 1.3 * smooth_noise(seed_, along);
   if (depth < layer) return Tissue::kSubcutaneousFat;
-  // External oblique, internal oblique, transversus, each below its fascia.
+  // The layers are external oblique, internal oblique and transversus, each below its fascia.
   constexpr double kShare[] = {0.38, 0.38, 0.24};
   for (int i = 0; i < 3; ++i) {
     if (depth < layer + kFasciaMm) return Tissue::kFascia;
@@ -131,7 +132,7 @@ std::optional<Tissue> PatientAnatomy::kidney_tissue(const Vector3d& p) const {
   const Vector3d q = T_kidney_torso_ * p;
   if (q.squaredNorm() > 100.0 * 100.0) return std::nullopt;
   if (const auto found = kidney_.tissue(q)) return found;
-  // More fat behind and below the kidney than in front of it.
+  // There is more fat behind and below the kidney than in front of it.
   double rho = kidney_.radial(q - Vector3d(-3.0, 1.0, 0.0));
   if (rho > 1.3 * gerota_) return std::nullopt;
   rho *= 1.0 + 0.05 * smooth_noise(hash(seed_, 3), p / 22.0);
@@ -160,7 +161,7 @@ std::optional<Tissue> PatientAnatomy::bowel_tissue(const Vector3d& p) const {
     const double rho = offset.cwiseQuotient(loop.radii).norm();
     if (rho > 1.0) continue;
     const double wall = 2.5 / loop.radii.minCoeff();
-    // Gas rises: anterior, with foam below it.
+    // Gas rises to the anterior side, with foam below it.
     const double level = loop.gas_level + 0.25 * smooth_noise(hash(seed_, 5), p / 4.0);
     const bool gas = offset.y() / loop.radii.y() < level && rho < 1.0 - wall;
     return gas ? Tissue::kGas : Tissue::kBowel;
@@ -168,7 +169,7 @@ std::optional<Tissue> PatientAnatomy::bowel_tissue(const Vector3d& p) const {
   return std::nullopt;
 }
 
-/// An ellipsoid with a wavy surface.
+/// Whether a point lies in an ellipsoid with a wavy surface.
 bool PatientAnatomy::within_organ(const Vector3d& p, const Vector3d& centre,
                                   const Vector3d& radii) const {
   const double rho = (p - centre).cwiseQuotient(radii).squaredNorm();
@@ -190,7 +191,7 @@ Tissue PatientAnatomy::interior_tissue(const Vector3d& p) const {
 }
 
 void PatientAnatomy::place_kidney(Sequence& random) {
-  // Upper pole medial and posterior, hilum towards the spine and forwards.
+  // The upper pole is medial and posterior; the hilum faces the spine and forwards.
   const Vector3d upper = Vector3d(-random.between(0.18, 0.34), random.between(0.05, 0.2), 1.0);
   const double turn = random.between(20.0, 45.0) * kDegree;
   Eigen::Matrix3d R;
@@ -257,7 +258,7 @@ void PatientAnatomy::place_vessels() {
 }
 
 void PatientAnatomy::place_bowel(Sequence& random) {
-  // The colon, in sacculations, lateral and in front of the kidney.
+  // The colon lies lateral and in front of the kidney, in sacculations.
   double z = -130.0;
   while (z < 60.0) {
     bowel_.push_back({{random.between(86.0, 98.0), random.between(-36.0, -26.0), z},

@@ -22,10 +22,10 @@ class PatientAnatomy : public Anatomy {
 
   Tissue tissue(const Eigen::Vector3d& p_ct_mm) const override;
 
-  /// Layers and fibres of the wall follow the skin: (along the skin, depth, z).
+  /// Coordinates (along the skin, depth, z), because layers and fibres of the wall follow the skin.
   Eigen::Vector3d texture_point_mm(const Eigen::Vector3d& p_ct_mm, Tissue tissue) const override;
 
-  /// Torso to CT. Not rigid for a right kidney (mirrored).
+  /// Maps the torso to the CT. Not rigid for a right kidney (mirrored).
   Eigen::Vector3d ct_from_torso(const Eigen::Vector3d& p) const {
     return T_ct_torso_ * mirrored(p);
   }
@@ -42,7 +42,7 @@ class PatientAnatomy : public Anatomy {
   /// Unit vector out of the body at its surface.
   Eigen::Vector3d skin_normal(const Eigen::Vector3d& p) const;
 
-  /// Where a ray from inside the body leaves it.
+  /// The point at which a ray from inside the body leaves it.
   Eigen::Vector3d skin_point(const Eigen::Vector3d& from, const Eigen::Vector3d& outwards) const;
 
  private:

@@ -12,8 +12,8 @@ using Eigen::AngleAxisd;
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-/// The direction, in the axial plane, in which the way from a point inside meets the skin most
-/// squarely, from 10 degrees in front of lateral to 50 behind.
+/// The direction, in the axial plane, in which a ray from a point inside is closest to the normal
+/// of the skin, from 10 degrees in front of lateral to 50 behind.
 double squarest_angle_deg(const PatientAnatomy& anatomy, const Vector3d& inside) {
   double best_angle = 0.0;
   double best_cosine = -1.0;
@@ -27,7 +27,7 @@ double squarest_angle_deg(const PatientAnatomy& anatomy, const Vector3d& inside)
   return best_angle;
 }
 
-/// How the probe is held on the flank, between the last ribs and the pelvis.
+/// Pose of the probe on the flank, between the last ribs and the pelvis.
 Isometry3d probe_on_flank(const PatientAnatomy& anatomy, Sequence& random, double standoff_mm) {
   const Vector3d aim = anatomy.T_torso_kidney().translation() +
                        Vector3d(0.0, random.gaussian(0.0, 3.0), random.gaussian(-3.0, 4.0));

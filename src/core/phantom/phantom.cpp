@@ -65,7 +65,7 @@ void scan(Scene scene, PhantomCase& phantom, const Progress& progress) {
   const double depth_mm = options.sweep.depth_mm.value_or(scene.suggested_depth_mm);
   const Acquisition acquisition =
       make_acquisition(options.sweep, depth_mm, scene.surface_radius_mm, options.seed);
-  // The probe follows the skin that it presses in.
+  // The probe follows the skin that it indents.
   scene.T_ct_probe = scene.T_ct_probe * Translation3d(0.0, indentation_mm, 0.0);
   Placement placement;
   placement.T_probe_ct = scene.T_ct_probe.inverse();

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The folder that holds `folder`; its own name must not be empty ("out/" is "out").
+/// The path `folder` without a slash at its end ("out/" becomes "out").
 fs::path without_trailing_slash(const fs::path& folder) {
   return folder.has_filename() ? folder : folder.parent_path();
 }

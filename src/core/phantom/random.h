@@ -6,7 +6,7 @@
 #include <cstdint>
 
 /// Random numbers as functions of seed, purpose and place. They have no state, so that a value does
-/// not depend on the thread that asks for it, or on the order.
+/// not depend on the thread that computes it or on the order.
 namespace usct::phantom {
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): a bijection in which every bit of the input
@@ -19,7 +19,7 @@ inline std::uint64_t mix(std::uint64_t x) {
 }
 
 inline std::uint64_t hash(std::uint64_t seed, std::uint64_t a) { return mix(seed ^ mix(a)); }
-/// Distinct for coordinates within +-2^20.
+/// Keys are distinct for coordinates within +-2^20.
 inline std::uint64_t lattice_key(std::int64_t i, std::int64_t j, std::int64_t k) {
   const auto bits = [](std::int64_t v) { return static_cast<std::uint64_t>(v) & 0x1FFFFFULL; };
   return bits(i) | (bits(j) << 21U) | (bits(k) << 42U);
@@ -28,7 +28,7 @@ inline std::uint64_t hash(std::uint64_t seed, std::int64_t i, std::int64_t j, st
   return mix(seed ^ mix(lattice_key(i, j, k)));
 }
 
-/// Uniform in [0, 1).
+/// A number that is uniform in [0, 1).
 inline double uniform(std::uint64_t h) { return static_cast<double>(h >> 11U) * 0x1.0p-53; }
 
 /// Two independent normal numbers (Box and Muller), as one complex number with E|z|^2 = 2.

@@ -11,9 +11,9 @@ namespace {
 
 constexpr double kSoftTissueDbCmMhz = 0.5;
 constexpr int kSliders = 8;
-// The operator sets TGC by what is bright at a depth, not by what lies in shadow.
+// The operator sets the TGC by the bright tissue at a depth, not by shadows.
 constexpr double kTgcPercentile = 0.62;
-// The operator stops where noise would become as bright as this, relative to cortex.
+// The operator raises the gain at most until noise has this level, relative to cortex.
 constexpr double kBrightestNoiseDb = -9.0;
 constexpr double kRingDownMm = 3.0;
 constexpr double kNoContactRingDownMm = 14.0;
@@ -25,7 +25,7 @@ std::complex<float> noise_at(std::uint64_t seed, int a, int b, int c) {
   return {static_cast<float>(z.real() * 0.70710678), static_cast<float>(z.imag() * 0.70710678)};
 }
 
-/// Level that a share of all points at a depth stay below, over depth nodes.
+/// The level that a share of all points at a depth does not exceed, per depth node.
 std::vector<double> typical_level_db(const std::vector<TransmissionMap>& maps) {
   std::vector<double> typical;
   std::vector<float> levels;
@@ -41,7 +41,8 @@ std::vector<double> typical_level_db(const std::vector<TransmissionMap>& maps) {
   return typical;
 }
 
-/// Mean over a window along lines and samples (edges: what is there).
+/// Mean over a window along lines and samples; at the edges, over the part of the window that
+/// exists.
 std::vector<float> box_mean(const std::vector<float>& in, int lines, int samples, int half_lines,
                             int half_samples) {
   std::vector<float> along(in.size());
@@ -163,7 +164,7 @@ std::vector<float> Receiver::envelope(std::vector<std::complex<float>> signal, i
       const std::size_t n = offset(l, s);
       std::complex<float>& z = signal[n];
       if (!contact) {
-        // Nothing but the array's own ring-down, which no tissue damps.
+        // Such a line shows only the ring-down of the array, which no tissue damps.
         const double depth = s * spacing_mm_;
         z = amplitude(options_.near_field_db) *
             static_cast<float>(std::exp(-depth / kNoContactRingDownMm)) * noise_at(seed_, s, -1, 0);

@@ -14,11 +14,11 @@ namespace usct::phantom {
 /// its errors, haze, ring-down near the array and lines without contact.
 class Receiver {
  public:
-  /// `transmissions`: of all frames, from which the operator's TGC follows.
+  /// `transmissions` are those of all frames; the operator's TGC follows from them.
   Receiver(const UltrasoundOptions& options, double frequency_mhz, const ScanGeometry& geometry,
            const std::vector<TransmissionMap>& transmissions, std::uint64_t seed);
 
-  /// Envelope, lines x samples; renal cortex is about 1 where gain and TGC are right.
+  /// Envelope, lines x samples; renal cortex is about 1 if gain and TGC are right.
   std::vector<float> envelope(std::vector<std::complex<float>> echoes, int frame) const;
 
  private:

@@ -14,14 +14,14 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 constexpr double kPitch = TissueRaster::kPitchMm;
-// Interfaces of tissue are rough: a fraction of a wavelength, so that part of an echo is speckle.
+// Interfaces of tissue are rough by a fraction of a wavelength, so that part of an echo is speckle.
 constexpr double kRoughnessMm = 0.045;
 constexpr double kSmallestReflection = 0.004;
 // Level of the echo of a steel ball and of a bubble of 0.5 mm radius at the focus (cortex = 1).
 constexpr float kSteelBallLevel = 45.0F;
 constexpr float kBubbleLevel = 25.0F;
 
-/// For normals only: so that bone and gas do not drown what else is near.
+/// Impedance for normals only, limited so that bone and gas do not mask other tissue nearby.
 double gentle_impedance(const TissueProperties& p) {
   return std::clamp(p.impedance_mrayl, 0.8, 2.6);
 }
@@ -95,8 +95,8 @@ class ScattererMaker {
       level_db += properties.texture_db * texture_at(anatomy, properties, tissue, p, seed_);
     if (properties.septa_db > 0.0)
       level_db += properties.septa_db * sheet_at(anatomy, properties, tissue, p, seed_);
-    // Rayleigh-distributed strengths with mean square 1, random phases by position: sums of few of
-    // them already have the statistics of fully developed speckle (excess of the fourth moment 0).
+    // Strengths are Rayleigh-distributed with mean square 1, phases random by position: even sums
+    // of few have the statistics of fully developed speckle (excess of the fourth moment 0).
     const double strength = std::sqrt(-std::log(1.0 - uniform(hash(h, 3))));
     const double amplitude = std::sqrt(kPitch * kPitch * kPitch / per_cell_) *
                              std::pow(10.0, level_db / 20.0) * strength;
@@ -106,7 +106,7 @@ class ScattererMaker {
 
   void add_surface(const Vector3i& cell, const Corners& corners, const Vector3d& p, Tissue tissue,
                    std::uint64_t h, ScattererField::Block& block) const {
-    // Towards the corner that differs most from the cell's own scatterer.
+    // The scatterer lies towards the corner that differs most from the cell's own scatterer.
     int towards = -1;
     double strongest = kSmallestReflection;
     for (int n = 0; n < 8; ++n) {
@@ -171,7 +171,7 @@ class ScattererMaker {
   std::uint64_t seed_;
 };
 
-/// Fiducials and bubbles: one echo each, from the side that faces the probe.
+/// One echo of a fiducial or bubble, from the side that faces the probe.
 ScattererField::Block ball_block(const ScannedBody& body, std::uint64_t seed) {
   ScattererField::Block block;
   const std::vector<Ball>& balls = body.scene().anatomy->balls();

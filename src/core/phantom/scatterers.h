@@ -18,13 +18,13 @@ struct Scatterer {
 struct SurfaceScatterer {
   Eigen::Vector3f p_mm;
   Eigen::Vector3f normal;  // unit length; zero if unknown
-  /// Reflection coefficient times the area it stands for, mm^2; for a ball, level of its echo at
-  /// the focus.
+  /// Reflection coefficient times the area that the scatterer represents, mm^2; for a ball, level
+  /// of its echo at the focus.
   float amplitude;
-  /// Of the ball; 0 for a piece of interface.
+  /// Radius of the ball; 0 for a piece of interface.
   float ball_radius_mm = 0.0F;
   bool is_gas = false;
-  /// Bone, gas, stone, steel: side lobes are visible.
+  /// Whether the material is bone, gas, stone or steel, whose side lobes are visible.
   bool is_strong = false;
   std::uint32_t hash = 0;
 };

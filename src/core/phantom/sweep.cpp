@@ -14,7 +14,7 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-// The 4DC7-3/40 as found in public sources.
+// Data of the 4DC7-3/40 from public sources.
 constexpr double kMotorisedRadiusMm = 40.0;
 constexpr double kLinePitchRad = 0.010625;
 constexpr double kFramePitchDeg = 0.7317;
@@ -76,10 +76,10 @@ class TrackedPath {
     for (double& phase : phases_) phase = random.between(0.0, 2.0 * kPi);
   }
 
-  /// Frame coordinates to the probe frame at a time in seconds.
+  /// Pose of the frame coordinates in the probe frame at a time in seconds.
   Isometry3d T_probe_frame(double time_s) const {
     const double turn = 2.0 * kPi * time_s / duration_s_;
-    // Speed varies by about +-45 %.
+    // The speed varies by about +-45 %.
     const double along_mm =
         length_mm_ * (time_s / duration_s_ - 0.5 + 0.05 * std::sin(turn + phases_[0]) +
                       0.01 * std::sin(3.0 * turn + phases_[1]));
@@ -105,7 +105,7 @@ Isometry3d pose_noise(const SweepOptions& options, double radius_mm, Sequence& r
   const Vector3d turn(random.gaussian(0, 1), random.gaussian(0, 1), random.gaussian(0, 1));
   const Vector3d shift(random.gaussian(0, 1), random.gaussian(0, 1), random.gaussian(0, 1));
   const double angle = options.pose_noise_deg * kDegree * turn.norm();
-  // About the middle of the array's surface, where a sensor would sit.
+  // The pivot is the middle of the array's surface, near which a sensor would be mounted.
   const Vector3d pivot(0.0, radius_mm, 0.0);
   return Translation3d(pivot + options.pose_noise_mm * shift) *
          AngleAxisd(angle, turn.normalized()) * Translation3d(-pivot);
@@ -115,7 +115,7 @@ Acquisition tracked(const SweepOptions& options, const ScanGeometry& still,
                     double surface_radius_mm, std::uint64_t seed) {
   Acquisition acquisition{still, still, {}, Isometry3d::Identity()};
   Sequence random(seed, 0x74AC);
-  // The tracker's or robot's base: anywhere.
+  // The base of the tracker or robot may be anywhere.
   acquisition.T_us_probe =
       Translation3d(random.between(-300.0, 300.0), random.between(-300.0, 300.0),
                     random.between(200.0, 600.0)) *

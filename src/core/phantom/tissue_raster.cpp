@@ -20,7 +20,7 @@ Vector3i block_of(const Vector3d& p_ct_mm) {
   return (p_ct_mm / TissueRaster::kBlockMm).array().floor().cast<int>();
 }
 
-/// Calls `visit(block)` for points all over the beams.
+/// Calls `visit(block)` for points throughout the beams.
 template <typename Visit>
 void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& visit) {
   const double length_mm = beams.axial.depth_mm(beams.samples() - 1) - beams.axial.start_depth_mm;
@@ -34,7 +34,7 @@ void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& vi
       }
 }
 
-/// How close a block is to the beams.
+/// Distance of a block from the beams.
 enum Mark : std::uint8_t { kFar, kNextButOne, kNext, kPassed };
 
 /// The blocks of the lattice around the beams, each with its mark.
@@ -50,7 +50,7 @@ struct MarkedBlocks {
            static_cast<std::size_t>(block.x());
   }
 
-  /// Marks the neighbours of blocks marked `from` one less.
+  /// Marks the neighbours of blocks with the mark `from` as one step farther.
   void spread(std::uint8_t from) {
     const std::vector<std::uint8_t> before = marks;
     for (int k = 1; k + 1 < count.z(); ++k)
@@ -72,7 +72,7 @@ MarkedBlocks mark_blocks(const ScannedBody& body, const BeamGrid& beams) {
     low = low.cwiseMin(block);
     high = high.cwiseMax(block);
   });
-  // One block around for beams of finite width, one more for neighbouring nodes.
+  // One block around covers beams of finite width, one more the neighbouring nodes.
   low.array() -= 2;
   MarkedBlocks blocks{low, high - low + Vector3i::Constant(3), {}};
   blocks.marks.assign(static_cast<std::size_t>(blocks.count.x()) *

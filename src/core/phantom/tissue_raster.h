@@ -11,8 +11,8 @@
 
 namespace usct::phantom {
 
-/// The anatomy as the probe sees it: displaced to where it was during the ultrasound, with gel in
-/// place of the air between array and skin.
+/// The anatomy as the probe sees it: displaced as during the ultrasound, with gel instead of the
+/// air between array and skin.
 class ScannedBody {
  public:
   /// `apices_probe_mm`: middles of the array's surface along the sweep, in the probe frame.
@@ -30,8 +30,8 @@ class ScannedBody {
 };
 
 /// The tissue at those nodes of a lattice that beams pass. The lattice is fixed in CT coordinates,
-/// with the node (i, j, k) at `kPitchMm * (i, j, k)`, so that scatterers that belong to a node stay
-/// in place when the sweep changes.
+/// with the node (i, j, k) at `kPitchMm * (i, j, k)`, so that scatterers that belong to a node do
+/// not move when the sweep changes.
 class TissueRaster {
  public:
   static constexpr double kPitchMm = 0.6;
@@ -41,7 +41,7 @@ class TissueRaster {
   /// `beams` in the probe frame.
   TissueRaster(const ScannedBody& body, const BeamGrid& beams, const Progress& progress);
 
-  /// The first nodes of the blocks that beams pass through or close by.
+  /// The first nodes of the blocks that beams pass through or near.
   const std::vector<Eigen::Vector3i>& blocks() const { return blocks_; }
 
   /// Tissue of the node, which must belong to a block or be next to one.

@@ -16,7 +16,8 @@ using Eigen::Vector3i;
 constexpr double kSpeedOfScannerMs = 1540.0;
 constexpr float kRayStepMm = 0.8F;
 
-/// Rays of the aperture: places across the half aperture and the half height, and weights.
+/// Rays of the aperture: positions as fractions of half the aperture and half the height, and
+/// weights.
 struct ApertureRay {
   float lateral, elevation, weight;
 };
@@ -30,7 +31,7 @@ constexpr std::array<ApertureRay, 9> kRays = {{{0.0F, 0.0F, 0.18F},
                                                {0.05F, 0.85F, 0.07F},
                                                {-0.05F, -0.85F, 0.07F}}};
 
-/// A place on the array `lateral_mm` along its surface from a line.
+/// The point of the array at a distance of `lateral_mm` along its surface from a line.
 Vector3d element_mm(const Array& array, double line, double lateral_mm) {
   const Line at = line_in_frame(array, line);
   const auto* curved = std::get_if<CurvilinearArray>(&array);
@@ -80,7 +81,7 @@ AttenuationVolume::AttenuationVolume(const ScannedBody& body, const TissueRaster
   std::array<Voxel, kTissueCount> voxel_of;
   for (int t = 0; t < kTissueCount; ++t) {
     const TissueProperties& p = body.scene().tissues[static_cast<Tissue>(t)];
-    // Bone and gas: what comes back from inside has no meaningful depth.
+    // Echoes from inside bone and gas have no meaningful depth.
     const double speed = is_strong_reflector(static_cast<Tissue>(t))
                              ? kSpeedOfScannerMs
                              : std::clamp(p.speed_m_s, 1400.0, 1700.0);
@@ -103,7 +104,7 @@ AttenuationVolume::AttenuationVolume(const ScannedBody& body, const TissueRaster
 }
 
 void AttenuationVolume::stamp_balls(const ScannedBody& body) {
-  // A ball stops sound over its own cross-section; a voxel's share of that is spread over it.
+  // A ball stops sound over its own cross-section; its effect is spread over the voxel.
   for (const Ball& ball : body.scene().anatomy->balls()) {
     const Vector3f p = body.placement().probe_from_ct(ball.centre_ct_mm).cast<float>();
     const double share =

@@ -24,7 +24,7 @@ class AttenuationVolume {
   AttenuationVolume(const ScannedBody& body, const TissueRaster& raster, const BeamGrid& beams,
                     double frequency_mhz, double tissue_speeds);
 
-  /// At the nearest voxel; outside, of the outermost ones.
+  /// The value at the nearest voxel; outside the grid, that of the outermost ones.
   const Voxel& nearest(const Eigen::Vector3f& p_probe_mm) const {
     return voxels_[nearest_offset(p_probe_mm)];
   }
@@ -47,7 +47,7 @@ class AttenuationVolume {
 };
 
 /// The sound that remains at the points of one frame: two-way amplitude, averaged over the rays of
-/// the aperture (hence shadows have soft edges), and delays.
+/// the aperture (so that shadows have soft edges), and delays.
 struct TransmissionMap {
   static constexpr int kLineStep = 2;
   static constexpr double kDepthStepMm = 1.5;
@@ -61,7 +61,7 @@ struct TransmissionMap {
     float level;
     float delay_mm;
   };
-  /// At a continuous line and a depth below the array.
+  /// The value at a continuous line and a depth below the array.
   Value at(float line, float depth_mm) const;
   std::size_t offset(int line_node, int depth_node) const {
     return static_cast<std::size_t>(line_node) * static_cast<std::size_t>(depths) +

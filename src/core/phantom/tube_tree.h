@@ -12,13 +12,14 @@ namespace usct::phantom {
 /// Branching tubes of varying radius, looked up through a raster of cells.
 class TubeTree {
  public:
-  /// A tapered piece with round ends. Tubes added first win where they overlap.
+  /// Adds a tapered piece with round ends. Where tubes overlap, the one that was added first
+  /// counts.
   void add(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& to_mm, double radius_from_mm,
            double radius_to_mm, Tissue tissue);
-  /// A smooth curve through the points (Catmull-Rom).
+  /// Adds a smooth curve through the points (Catmull-Rom).
   void add_curve(const std::vector<Eigen::Vector3d>& points_mm, double radius_from_mm,
                  double radius_to_mm, Tissue tissue);
-  /// To be called once, after the last tube.
+  /// Must be called once, after the last tube.
   void build_raster();
 
   struct Hit {

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 constexpr double kFatHu = -30.0;
 constexpr double kBoneHu = 300.0;
 
-/// The CT on a plane, smoothed, and where there is CT.
+/// The CT on a plane, smoothed, and the mask of its pixels.
 struct CtSlice {
   cv::Mat1f hu;
   cv::Mat1b known;

@@ -6,8 +6,8 @@
 namespace usct::rendering {
 namespace {
 
-/// Where the line crosses an edge between two neighbouring pixels. Both cells at the edge give it
-/// the same number, which links their segments.
+/// The point at which the line crosses an edge between two neighbouring pixels. Both cells at the
+/// edge give it the same number, which links their segments.
 struct Crossing {
   std::size_t edge;
   cv::Point2d at;
@@ -55,7 +55,7 @@ class MarchingSquares {
     cross(x, y, x, y + 1);
     if (crossings.size() == 2) join(crossings[0], crossings[1]);
     if (crossings.size() < 4) return;
-    // A saddle: the mean says which two of the corners are connected.
+    // At a saddle, the mean decides which two of the corners are connected.
     const float mean =
         0.25F * (values_(y, x) + values_(y, x + 1) + values_(y + 1, x) + values_(y + 1, x + 1));
     const bool like_corner = (mean >= level_) == above(x, y);

@@ -5,7 +5,7 @@
 
 namespace usct::rendering {
 
-/// In pixels; a pixel's centre has whole coordinates.
+/// A segment in pixels; a pixel's centre has whole coordinates.
 struct Segment {
   cv::Point2d from;
   cv::Point2d to;

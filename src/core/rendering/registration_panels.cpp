@@ -16,7 +16,8 @@ using Eigen::Vector3d;
 
 constexpr int kLegendGapPx = 18;
 
-/// A factor on brightness that makes the brightest percent white, so that weak ultrasound shows.
+/// A factor on brightness that makes the brightest percent white, so that weak ultrasound is
+/// visible.
 double display_gain(const ScanConverted& us) {
   constexpr double kLargestGain = 4.0;
   std::array<std::size_t, 256> histogram{};
@@ -52,7 +53,7 @@ Field field_along(const Eigen::Matrix3d& axes_us, const MaskVolume& mask) {
   return field;
 }
 
-/// As `orthogonal_planes`, but along `axes_us`.
+/// Planes as `orthogonal_planes`, but along `axes_us`.
 std::array<SlicePlane, 3> planes_along(const Eigen::Matrix3d& axes_us, const Field& field,
                                        const RegistrationPictureOptions& options) {
   const Vector3d centre_mm = options.centre_us_mm
@@ -73,7 +74,7 @@ int text_width_px(const std::string& text) {
   return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, 0.45, 1, &baseline).width;
 }
 
-/// Ultrasound is grey, its surroundings dark blue.
+/// Whether a pixel is unknown: ultrasound is grey, its surroundings dark blue.
 bool is_unknown(const std::uint8_t* pixel) { return pixel[0] != pixel[2]; }
 
 }  // namespace

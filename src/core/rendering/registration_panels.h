@@ -41,7 +41,7 @@ class Panels {
                         const Eigen::Isometry3d& T_us_ct) const;
 
   /// The ultrasound with the iso-lines of the CT; the lines fade where there is no ultrasound to
-  /// judge them by.
+  /// compare them with.
   Picture overlay(const SlicePlane& plane, const Eigen::Isometry3d& T_us_ct) const;
 
   /// Writes the names of the levels in their colours, from (x, y) to the right.

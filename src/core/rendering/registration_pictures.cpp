@@ -22,7 +22,7 @@ constexpr int kLinePx = 24;
 constexpr int kCaptionPx = 16;
 constexpr int kFrameWidthPx = 3;
 constexpr int kParallelSlices = 5;
-/// Parallel slices leave out the ends of the field, where there is little to judge by.
+/// Parallel slices leave out the ends of the field, where there is little to compare.
 constexpr double kFirstSlice = 0.2;
 
 /// The transform of a registration, or its best candidate if it was refused.
@@ -80,7 +80,7 @@ std::string headline(const RegistrationResult& result) {
   return text.str();
 }
 
-/// The panels below the result in words and the legend.
+/// The panels below a header with the result in words and the legend.
 Picture sheet(const std::vector<Row>& rows, const Panels& panels,
               const RegistrationResult& result) {
   const Picture body = tile(rows);

@@ -122,7 +122,7 @@ Picture checkerboard(const Picture& us, const Picture& ct, int squares_across) {
   if (squares_across < 1)
     throw InputError("checkerboard",
                      std::to_string(squares_across) + " squares side by side, must be >= 1");
-  // Rounded up: no strip is left over.
+  // The size is rounded up, so that no strip remains.
   const int square_px = std::max(1, (us.width + squares_across - 1) / squares_across);
   Picture result = us;
   for (int y = 0; y < us.height; ++y)

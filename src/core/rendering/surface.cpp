@@ -20,11 +20,11 @@ using Mesh = itk::Mesh<float, 3>;
 /// ITK's surface of a mask has its points half way between voxels: per area of a voxel's face it
 /// has about this many triangles (measured on spheres).
 constexpr double kTrianglesPerVoxelFace = 4.2;
-/// A mask has so many more faces than the smooth surface has area (a sphere's ratio).
+/// Ratio of the area of a mask's faces to that of the smooth surface (of a sphere).
 constexpr double kFacesPerArea = 1.5;
 constexpr std::size_t kLeastTriangles = 1000;
 
-/// A field and the value that the surface has; outside of the field it is `outside`.
+/// A field and its iso-value at the surface; outside the field the value is `outside`.
 template <typename T>
 struct Field {
   const Volume<T>& volume;
@@ -61,7 +61,7 @@ double area_of_faces_mm2(const Field<T>& field) {
          static_cast<double>(across_k) * spacing.x() * spacing.y();
 }
 
-/// The region of a field, coarser by `factors`, with at least one sample of what is outside around.
+/// The region of a field, coarser by `factors`, with a border of at least one sample `outside`.
 template <typename T>
 Volume<float> sampled(const Field<T>& field, const Eigen::Vector3i& factors) {
   const Grid& grid = field.volume.grid;
@@ -128,8 +128,8 @@ Local interpolated(const Volume<float>& field, const Eigen::Vector3d& index) {
   return local;
 }
 
-/// A point of the mask's surface moved along the gradient to where the field has the value: at most
-/// half a voxel, which is as far as it can be.
+/// Moves a point of the mask's surface along the gradient to the iso-value, by at most half a
+/// voxel, the largest possible distance.
 Eigen::Vector3d on_surface(const Volume<float>& field, float iso, const Eigen::Vector3d& start) {
   constexpr int kSteps = 3;
   Eigen::Vector3d index = start;

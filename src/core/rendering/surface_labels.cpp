@@ -34,7 +34,8 @@ std::string label_text(int label, const std::map<int, std::string>& names) {
   return std::to_string(label) + " " + (name == names.end() ? "label" : name->second);
 }
 
-/// Steps of the golden ratio around the circle of hues keep any number of labels apart.
+/// Steps of the golden ratio around the circle of hues give distinct colours for any number of
+/// labels.
 std::array<float, 3> label_colour(int label) {
   constexpr double kGoldenRatio = 0.618033988749895;
   const double hue = 6.0 * std::fmod(kGoldenRatio * label, 1.0);

@@ -120,7 +120,7 @@ class SlabCompounder {
     return points;
   }
 
-  /// The mean over the known points of the footprint; nothing if the middle itself is unknown.
+  /// The mean over the known points of the footprint; empty if the middle itself is unknown.
   std::optional<float> average_around(int plane, const Eigen::Vector2d& at) const {
     const std::vector<Eigen::Vector2d>& points = footprints_[static_cast<std::size_t>(plane)];
     const std::optional<float> middle = planes_.at(plane, at.x(), at.y());

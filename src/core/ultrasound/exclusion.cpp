@@ -23,7 +23,7 @@ constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-/// The value that `n` others come before in order; reorders the values.
+/// The value with `n` others before it in order; reorders the values.
 template <typename Value>
 Value nth_value(std::vector<Value>& values, std::size_t n) {
   const auto nth = values.begin() + static_cast<std::ptrdiff_t>(n);
@@ -189,9 +189,9 @@ class Exclusion {
   }
 
   /// Grey value that only a far wall exceeds: tissue rarely exceeds its own upper decile by half.
-  /// The upper limit applies where that decile is itself the wall's.
+  /// The upper limit applies if the wall itself raises that decile.
   double wall_grey() const {
-    constexpr int kBeams = 2000;  // about as many as the decile is estimated from
+    constexpr int kBeams = 2000;  // approximate number from which the decile is estimated
     const int step = std::max(1, beams_ / kBeams);
     const int end = samples_ * 2 / 3;
     int first = 0;

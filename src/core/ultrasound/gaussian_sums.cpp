@@ -21,8 +21,8 @@ int block_size(double widest_mm, double sigma_mm) {
 }
 
 /// Variance of the window to apply to blocks of width `block_mm`, such that the blocks and the
-/// interpolation widen it to sigma: a box has a variance of a twelfth of its squared width, linear
-/// interpolation one of a sixth.
+/// interpolation widen it to sigma: a box has a variance of 1/12 of its squared width, linear
+/// interpolation one of 1/6.
 double variance_mm2(double sigma_mm, double block_mm, int block_size) {
   const double widened = block_size == 1 ? 0.0 : 0.25 * block_mm * block_mm;
   return sigma_mm * sigma_mm - widened;

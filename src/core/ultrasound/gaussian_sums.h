@@ -31,8 +31,8 @@ class GaussianSums {
     int blocks() const { return size == 1 ? count : (count + size - 1) / size + 2; }
     int block_of(int i) const { return size == 1 ? i : i / size + 1; }
     double middle(int block) const { return size == 1 ? block : (block - 0.5) * size - 0.5; }
-    /// Interpolation at i: the block whose middle is at or before i, and the weight of the block
-    /// after it.
+    /// Interpolation at i: the block whose middle is at or before i, and the weight of the next
+    /// block.
     void between(int i, int& block, float& share) const;
   };
   /// The weights with which a row (line or frame) of blocks enters the sum of another row, one per

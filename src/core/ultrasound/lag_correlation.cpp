@@ -13,7 +13,8 @@ constexpr double kLagStep_s = 0.02;
 constexpr double kTrend_s = 1.0;
 constexpr int kResamples = 200;
 
-/// Over pairs with integer weights; kUnknownCorrelation where fewer than half of them have a speed.
+/// Correlation over pairs with integer weights; kUnknownCorrelation if fewer than half of them have
+/// a speed.
 double correlation(const std::vector<double>& a, const std::vector<double>& b,
                    const std::vector<int>& weights) {
   double n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0, all = 0;
@@ -31,7 +32,7 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b,
   if (n < 0.5 * all || n < 3.0) return kUnknownCorrelation;
   const double variance_a = saa - sa * sa / n;
   const double variance_b = sbb - sb * sb / n;
-  // Values are of the order of one: below this is rounding.
+  // Values are of the order of one; smaller ones than this are rounding errors.
   constexpr double kRounding = 1e-12;
   if (variance_a < kRounding || variance_b < kRounding) return kUnknownCorrelation;
   return (sab - sa * sb / n) / std::sqrt(variance_a * variance_b);
@@ -44,7 +45,7 @@ double autocorrelation(const std::vector<double>& values, const Moments& m, std:
   return sum / (static_cast<double>(values.size()) * m.deviation * m.deviation);
 }
 
-/// How many independent pairs of values two smooth signals amount to (Bartlett).
+/// The number of independent pairs of values to which two smooth signals are equivalent (Bartlett).
 double independent_pairs(const std::vector<double>& a, const std::vector<double>& b) {
   const Moments ma = moments(a);
   const Moments mb = moments(b);

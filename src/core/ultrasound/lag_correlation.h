@@ -9,7 +9,7 @@
 /// are assumed to be late.
 namespace usct {
 
-/// A correlation that could not be computed: below every correlation.
+/// A correlation that could not be computed; less than every correlation.
 constexpr double kUnknownCorrelation = -2.0;
 
 /// The change of the images at each usable pair of frames and, for each assumed lag, the speed of
@@ -17,19 +17,19 @@ constexpr double kUnknownCorrelation = -2.0;
 struct ShiftedSpeeds {
   /// The assumed lags, in steps of 0.02 s around 0.
   std::vector<double> lags_s;
-  /// Per pair.
+  /// Change of the images, one value per pair.
   std::vector<double> change;
-  /// Per lag and pair; NaN at times for which there are no poses.
+  /// Speed of the probe per lag and pair; NaN at times without poses.
   std::vector<std::vector<double>> speed;
 };
 
 /// Shifts the speed by up to 1.5 s, or half the time for which there are poses if that is less.
-/// Both signals are smoothed by `sigma_s`, and lose their trend over 1 s: the anatomy that the
-/// sweep passes changes the images as well, but slowly.
+/// Both signals are smoothed by `sigma_s` and lose their trend over 1 s, because the anatomy that
+/// the sweep passes changes the images as well, but slowly.
 ShiftedSpeeds shift_speed(const Signal& change, const Signal& speed, double sigma_s);
 
-/// Per lag, over pairs with these integer weights; kUnknownCorrelation where fewer than half of
-/// them have a speed.
+/// The correlation at each lag, over pairs with these integer weights; kUnknownCorrelation if fewer
+/// than half of them have a speed.
 std::vector<double> correlations(const ShiftedSpeeds& shifted, const std::vector<int>& weights);
 
 /// The index of the highest correlation.
@@ -44,11 +44,11 @@ double top_lag_s(const ShiftedSpeeds& shifted, const std::vector<double>& correl
 /// The highest correlation that is not on the slopes of the highest peak; -1 if there is none.
 double next_peak(const std::vector<double>& correlation);
 
-/// How many standard deviations the correlation `r` at the lag of index `top` lies above that of
-/// unrelated signals with the same smoothness.
+/// Height of the correlation `r` at the lag of index `top` above that of unrelated signals with the
+/// same smoothness, in standard deviations.
 double significance_of(const ShiftedSpeeds& shifted, std::size_t top, double r);
 
-/// The lags of 200 sweeps put together from random blocks of `block` consecutive pairs of this one.
+/// The lags of 200 sweeps composed of random blocks of `block` consecutive pairs of this one.
 /// Deterministic.
 std::vector<double> resampled_lags_s(const ShiftedSpeeds& shifted, std::size_t block);
 

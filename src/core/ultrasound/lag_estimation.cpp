@@ -13,7 +13,8 @@ namespace {
 constexpr double kSmoothing_s = 0.1;
 constexpr double kBlock_s = 1.0;
 constexpr int kFewestPairs = 20;
-/// At either end of a signal: a flash, a change of gain or a jump of the tracker must not decide.
+/// Share clipped at either end of a signal, so that a flash, a change of gain or a jump of the
+/// tracker does not dominate.
 constexpr double kClippedShare = 0.05;
 constexpr double kLeastSpeedVariation = 0.1;
 constexpr double kLeastSignificance = 3.0;
@@ -27,7 +28,7 @@ std::string text(const char* format, double value) {
   return buffer;
 }
 
-/// Why the estimate is not to be relied upon; empty if it is.
+/// The reason why the estimate is not reliable; empty if it is.
 std::string doubt(const LagEstimate& estimate, bool inside) {
   if (!(estimate.significance >= kLeastSignificance))
     return text("image change and probe speed correlate by %.2f", estimate.correlation) +
@@ -81,7 +82,7 @@ void estimate_from(Signal change, Signal speed, double interval_s, LagEstimate& 
   estimate.determined = estimate.message.empty();
 }
 
-/// `travel_mm[i]` and `change[i]` from frame i to i + 1.
+/// Estimates the lag; `travel_mm[i]` and `change[i]` are from frame i to i + 1.
 LagEstimate estimate_from_frames(const std::vector<double>& times_s,
                                  const std::vector<double>& travel_mm,
                                  const std::vector<double>& change) {
@@ -128,7 +129,8 @@ std::vector<double> image_changes(const std::vector<std::uint8_t>& images, std::
   return changes;
 }
 
-/// Root mean square way of points of the image from each frame to the next; this counts turns too.
+/// Root mean square path of points of the image from each frame to the next, which includes
+/// rotation.
 template <typename Transform>
 std::vector<double> travels_mm(const std::vector<Transform>& T_us_image,
                                const std::vector<Eigen::Vector3d>& points) {

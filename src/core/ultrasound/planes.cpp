@@ -42,7 +42,8 @@ ImagePlanes::ImagePlanes(const TrackedImages& images) : images_(images) {
 }
 
 Eigen::Affine3d ImagePlanes::T_plane_us(int plane) const {
-  // The third column of the calibration is replaced by the unit normal: distances in mm.
+  // The third column of the calibration is replaced by the unit normal, so that distances are in
+  // mm.
   Eigen::Affine3d T = images_.T_us_pixel[static_cast<std::size_t>(plane)];
   T.matrix().col(2).head<3>() =
       T.matrix().col(0).head<3>().cross(T.matrix().col(1).head<3>()).normalized();

@@ -9,9 +9,9 @@
 
 namespace usct {
 
-/// Planes in space that hold values: what the frames of a tracked sweep and tracked images have in
-/// common. Coordinates of a plane are two coordinates within it, which each kind of plane defines,
-/// and the signed distance from it in mm.
+/// Planes in space that hold values, the common interface of the frames of a tracked sweep and of
+/// tracked images. Coordinates of a plane are two coordinates within it, which each kind of plane
+/// defines, and the signed distance from it in mm.
 class Planes {
  public:
   virtual ~Planes() = default;

@@ -52,7 +52,7 @@ class PreScanSampler {
   bool nearest_;
 };
 
-/// Bounds of the field of a motorised sweep, by which voxels outside are skipped without
+/// Bounds of the field of a motorised sweep, with which voxels outside are skipped without
 /// trigonometry.
 struct SweepBounds {
   double phi_min;

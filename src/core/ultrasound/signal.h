@@ -8,9 +8,9 @@ namespace usct {
 
 /// A quantity over time, sampled at any intervals.
 struct Signal {
-  /// Rising.
+  /// Rising times.
   std::vector<double> times_s;
-  /// One per time.
+  /// One value per time.
   std::vector<double> values;
 
   void add(double time_s, double value) {

@@ -12,14 +12,14 @@ namespace {
 constexpr const char* kMissing = "missing";
 constexpr const char* kWithoutPose = "without pose";
 constexpr const char* kOfRefusedSweep = "of a refused sweep";
-/// How many sweeps that have ended are remembered, to recognise their late frames.
+/// Number of ended sweeps that are remembered, to recognise their late frames.
 constexpr std::size_t kRememberedSweeps = 16;
 
 std::string name_of_sweep(const StreamedFrame& frame) {
   return "sweep " + std::to_string(frame.sweep);
 }
 
-/// The name of the US frame, if the sender says it with each frame.
+/// The name of the US frame, if the sender states it with each frame.
 std::string sent_us_frame(const StreamedFrame& frame) {
   return frame.pose && frame.pose->at_stamp ? frame.pose->us_frame_id : "";
 }
@@ -114,7 +114,7 @@ void SweepAssembler::take(const Frame& frame, std::vector<EndedSweep>& ended) {
   const bool anew = starts_anew(*frame);
   if (sweep_ && (!is_of_this_sweep(*frame) || anew)) {
     ended.push_back(end());
-    // The frames that follow are of a new sweep with the same number: they are not late.
+    // The frames that follow belong to a new sweep with the same number, and are not late.
     if (anew) ended_.pop_back();
   }
   if (!sweep_) {

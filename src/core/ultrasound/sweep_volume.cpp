@@ -16,12 +16,12 @@ using Frames = std::vector<std::shared_ptr<const StreamedFrame>>;
 using Eigen::Isometry3d;
 
 constexpr const char* kRepeatedImage = "repeated image";
-/// A motor that moves by less than this share of the mean step between frames rests.
+/// A motor that moves by less than this share of the mean step between frames is at rest.
 constexpr double kRestingStep = 0.05;
 /// The travel within a frame may differ by this share of the mean step over a sweep.
 constexpr double kTravelTolerance = 0.25;
 
-/// The frames of a sweep that stay, with what the motion of the volume is made of.
+/// The frames of a sweep that are kept, with the data for the motion of the volume.
 struct Kept {
   Frames frames;
   std::vector<Isometry3d> T_us_frame;  // tracked
@@ -89,7 +89,7 @@ std::vector<double> times_s(const Frames& frames) {
   return times;
 }
 
-/// The pose of each frame at its stamp minus the lag; none where the sweep's poses do not reach.
+/// The pose of each frame at its stamp minus the lag; none beyond the poses of the sweep.
 std::vector<std::optional<Isometry3d>> poses_shown(const Frames& frames, double image_lag_s,
                                                    const std::string& source) {
   TrackedSweep track;

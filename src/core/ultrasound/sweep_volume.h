@@ -8,8 +8,8 @@
 
 namespace usct {
 
-/// Makes the volume of a whole sweep: decides which of its frames stay and where each lies.
-/// `frames` are valid, of one sweep and sorted by index; at least one. Adds what it leaves out to
+/// Makes the volume of a whole sweep: decides which frames it keeps, and their positions. `frames`
+/// are valid, of one sweep and sorted by index; at least one. Adds frames that it leaves out to
 /// `dropped`. Throws InputError, naming `source`, if stamps fall, the motor turns back, its travel
 /// changes, or no frame is left; and as PreScanVolume::validate.
 AssembledSweep volume_of_sweep(const std::vector<std::shared_ptr<const StreamedFrame>>& frames,

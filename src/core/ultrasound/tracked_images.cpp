@@ -10,15 +10,15 @@
 namespace usct {
 namespace {
 
-/// Of a calibration against the placement of the probe in its images: relative in scale, and in
-/// the cosine of the angle between columns and rows.
+/// Tolerance between a calibration and the placement of the probe in its images: relative in scale,
+/// and in the cosine of the angle between columns and rows.
 constexpr double kCalibrationTolerance = 0.01;
 
 std::size_t product(int a, int b) {
   return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
 }
 
-/// The rigid pose of frame coordinates that an image's calibration and its placement agree on.
+/// The rigid pose of the frame coordinates by an image's calibration and its placement.
 Eigen::Isometry3d T_us_frame_of_image(const Eigen::Affine3d& T_us_pixel,
                                       const ImagePlacement& placement, int image) {
   const Eigen::Vector3d x = T_us_pixel.linear().col(0) / placement.spacing_mm.x();

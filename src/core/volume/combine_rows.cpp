@@ -67,7 +67,7 @@ void combine(const Rows& rows, std::size_t row_count, std::size_t count, float* 
     hn::StoreU(c, d, out + i + 2 * lanes);
     hn::StoreU(e, d, out + i + 3 * lanes);
   }
-  // Where lanes do not divide the count, the last vector computes some sums a second time.
+  // If the lanes do not divide the count, the last vector computes some sums a second time.
   while (i < count && count >= lanes) {
     i = std::min(i, count - lanes);
     V sum = hn::Zero(d);

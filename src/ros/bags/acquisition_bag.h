@@ -18,7 +18,7 @@
 /// docs/bags.md has the topics.
 namespace usct::ros_interface {
 
-/// A sweep to write, and what is known about it.
+/// A sweep to write, with the known transforms.
 struct BagAcquisition {
   PreScanVolume us;
   /// Pose of the US frame during the sweep: p_fixed = T p_us, mm. Without it no tf is written.
@@ -30,12 +30,12 @@ struct BagAcquisition {
 struct BagOptions {
   /// Stamp of the first frame; at least 3 s after the epoch, because the robot arrives before it.
   ::ros::Time start;
-  /// Of motorised sweeps, and of tracked sweeps whose frames have no times; > 0.
+  /// Frame rate of motorised sweeps, and of tracked sweeps whose frames have no times; > 0.
   double frame_rate_hz = 20.0;
   /// Time from the last frame of a sweep to the first of the next; >= 3.
   double pause_s = 6.0;
   /// Distance by which the probe is retracted along its axis between and after sweeps; >= 0. 0: it
-  /// stays.
+  /// is not moved.
   double retract_mm = 100.0;
   /// Tracked sweeps: poses go to tf (US frame -> array frame) instead of the frames' messages.
   bool poses_in_tf = false;
@@ -49,7 +49,7 @@ struct BagOptions {
   void validate() const;
 };
 
-/// The CT of a bag: voxels (`ct/volume`), or only where it is (`ct/path`), or neither.
+/// The CT of a bag: its voxels (`ct/volume`), or only its path (`ct/path`), or neither.
 struct BagCt {
   std::optional<CtVolume> volume;
   std::string path;
@@ -60,19 +60,20 @@ struct BagCt {
 void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,
                            const BagOptions& options, const std::filesystem::path& path);
 
-/// Gets the sweeps and CTs of a bag, in the order of recording. What is not set is not visited.
+/// Callbacks for the sweeps and CTs of a bag, in the order of recording; `us` and `ct` may be
+/// empty.
 struct BagVisitor {
   std::function<void(const us_ct_registration::PreScanVolume&)> us;
   std::function<void(const us_ct_registration::CtVolume&)> ct;
-  /// Gets what could not be used, and why: frames of a sweep that is not whole, for example. Must
-  /// be set.
+  /// Receives a message about data that could not be used, such as frames of an incomplete sweep.
+  /// Must be set.
   std::function<void(const std::string&)> warning;
 };
 
-/// Visits what a bag holds. Messages are found by their type, whatever their topics are called: the
+/// Reads a bag and calls the visitor. Messages are found by their type, not by their topic: the
 /// volumes if there are any, else sweeps assembled from frames, with poses from the bag's tf if the
-/// frames carry none. Throws InputError if it is no bag, or a damaged one, or if several topics
-/// have messages of one type (`rosbag filter` keeps the one that is meant).
+/// frames carry none. Throws InputError if the file is no bag or a damaged one, or if several
+/// topics have messages of one type (`rosbag filter` can keep the intended one).
 void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& visitor);
 
 }  // namespace usct::ros_interface

@@ -19,12 +19,12 @@ namespace msg = us_ct_registration;
 using ::ros::Duration;
 using ::ros::Time;
 
-/// tf remembers this long: longer than any recording, s.
+/// Time that tf remembers, longer than any recording, s.
 constexpr double kTfHistoryS = 1e9;
-/// After this pause the last sweep has ended: longer than any `sweep_pause`, s.
+/// Time after which the last sweep has ended, longer than any `sweep_pause`, s.
 constexpr double kEndS = 1e6;
 
-/// Finds messages by their type: the names of topics are up to whoever recorded the bag.
+/// Finds messages by their type, since the recorder of a bag may have chosen any topics.
 class BagReader {
  public:
   explicit BagReader(const std::filesystem::path& path) : path_(path), bag_(path.string()) {}

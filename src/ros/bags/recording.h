@@ -12,7 +12,7 @@
 
 namespace usct::ros_interface {
 
-/// Messages in the order of their time, as a recorder gets them.
+/// Messages in the order of their time, as a recorder receives them.
 class Recording {
  public:
   template <typename Message>
@@ -20,7 +20,7 @@ class Recording {
     add(topic, time, message, {});
   }
 
-  /// Adds a message that a player latches again: subscribers that come later get it as well.
+  /// Adds a message that a player latches again, so that late subscribers receive it as well.
   template <typename Message>
   void add_latched(const std::string& topic, const ::ros::Time& time, const Message& message) {
     auto header = boost::make_shared<::ros::M_string>();

@@ -14,13 +14,13 @@ constexpr double kStillS = 0.4;
 constexpr double kMoveS = 1.0;
 constexpr double kTfPeriodS = 0.02;
 
-/// Moved away from what the probe looks at.
+/// The pose moved backwards by `distance_mm` along the probe's axis.
 Isometry3d retracted(const Isometry3d& T, double distance_mm) {
   return T * Eigen::Translation3d(0.0, -distance_mm, 0.0);
 }
 
 /// Adds the departure after a sweep's last pose (direction 1), or the arrival before its first one
-/// (-1): the probe stands still for a moment and moves otherwise.
+/// (-1). Next to the sweep the probe stands still for a moment.
 void add_departure(const StampedPose& from, double duration_s, int direction, double retract_mm,
                    std::vector<StampedPose>& path) {
   const int steps = static_cast<int>(std::lround(duration_s / kTfPeriodS));

@@ -5,10 +5,10 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-/// How a robot moves an ultrasound probe before, during and after sweeps.
+/// The path of an ultrasound probe that a robot moves, before, during and after sweeps.
 namespace usct::ros_interface {
 
-/// How long before the first sweep a robot's path begins, s.
+/// Time between the beginning of a robot's path and the first sweep, s.
 constexpr double kArrivalS = 2.5;
 
 struct StampedPose {
@@ -16,13 +16,13 @@ struct StampedPose {
   Eigen::Isometry3d T;
 };
 
-/// The same pose from `first` to `last`, sampled as a robot's driver would.
+/// A constant pose from `first` to `last`, sampled as by a robot's driver.
 std::vector<StampedPose> held(const Eigen::Isometry3d& T, const ::ros::Time& first,
                               const ::ros::Time& last);
 
 /// The poses of the sweeps and, around each sweep, the robot's arrival and departure: before and
 /// after a sweep the probe stands still for a moment, and it moves away by `retract_mm` along its
-/// axis. `pause_s` is the time from sweep to sweep, and that after the last.
+/// axis. `pause_s` is the time between sweeps, and after the last one.
 std::vector<StampedPose> robot_path(const std::vector<std::vector<StampedPose>>& sweeps,
                                     double pause_s, double retract_mm);
 

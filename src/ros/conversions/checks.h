@@ -19,8 +19,8 @@ inline void require(bool fulfilled, const std::string& source, const std::string
 void require_count(const char* name, std::size_t count, std::size_t wanted,
                    const std::string& source);
 
-/// The product of the sizes must be the number of values in `data`, which have been received
-/// already: an absurd size is found here, not by an allocation that fails.
+/// The product of the sizes must be the number of values in `data`. The data have already been
+/// received, so that an absurd size is found here and not by a failing allocation.
 void require_size(std::initializer_list<std::pair<const char*, std::uint32_t>> sizes,
                   std::size_t data, const std::string& source);
 

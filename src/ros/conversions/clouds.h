@@ -19,19 +19,19 @@ namespace usct::ros_interface {
 sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
                                     const std_msgs::Header& header);
 
-/// The points of surfaces by label: x, y, z (float32, m) and label (uint32). The stamp is 0: they
-/// hold whenever tf knows the CT.
+/// The points of surfaces by label: x, y, z (float32, m) and label (uint32). The stamp is 0,
+/// because the points are valid at any time.
 sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
                                    const std::string& frame);
 
-/// First a marker that deletes those of the CT before; then a TRIANGLE_LIST per surface, whose id
-/// is the label and whose namespace its name. The stamp is 0, as for `to_points`.
+/// A marker that deletes those of the previous CT, then a TRIANGLE_LIST per surface, with the label
+/// as its id and the name as its namespace. The stamp is 0, as for `to_points`.
 visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
                                            const std::map<int, std::string>& names,
                                            const std::string& frame);
 
-/// The markers of the CT's surfaces placed in another frame, which needs no tf, with opacity
-/// `alpha`. If the place is not known, a marker that deletes all.
+/// The markers of the CT's surfaces, transformed to another frame so that tf is not needed, with
+/// opacity `alpha`. If the pose is not known, a marker that deletes all others.
 visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
                                        const std::string& frame,
                                        const std::optional<Eigen::Isometry3d>& T_frame_ct,

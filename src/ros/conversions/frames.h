@@ -12,9 +12,9 @@
 
 namespace usct::ros_interface {
 
-/// A frame of a stream and the message that it came as. The brightness is the message's own; the
-/// message's numbers, which are in metres, go on unchanged into the message of the volume: scaling
-/// to millimetres and back may change the last bit.
+/// A frame of a stream with its message. The brightness is that of the message, not a copy. The
+/// message's numbers, in metres, are copied unchanged into the message of the volume, because
+/// scaling to millimetres and back may change the last bit.
 struct ReceivedFrame : StreamedFrame {
   us_ct_registration::PreScanFrame::ConstPtr message;
   /// The frame's `pose`, if it has one, m.
@@ -23,7 +23,7 @@ struct ReceivedFrame : StreamedFrame {
   /// Takes the pose that was looked up for the frame's stamp minus the image lag. Throws InputError
   /// if it is not rigid.
   void set_looked_up(const geometry_msgs::Pose& looked_up_m, const std::string& us_frame_id);
-  /// Whether only a look-up can tell the pose.
+  /// Whether the pose is known only after a look-up.
   bool needs_pose() const { return !is_motorised() && !pose; }
 };
 

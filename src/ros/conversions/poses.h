@@ -9,10 +9,10 @@
 
 /// Points and transforms between the core (millimetres) and messages (metres).
 ///
-/// The files of conversions/ are the only place where core and messages meet. What comes from a
-/// message is checked before anything is allocated for it: sizes against the data that are there,
-/// checksums, numbers, geometry. A violation is an InputError that names `source`, the field, its
-/// value and the constraint.
+/// The files of conversions/ are the only place where core and messages meet. A message is checked
+/// before anything is allocated for its content: sizes against the received data, checksums,
+/// numbers, geometry. A violation is an InputError that names `source`, the field, its value and
+/// the constraint.
 namespace usct::ros_interface {
 
 constexpr double kMmPerM = 1000.0;

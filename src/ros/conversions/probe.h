@@ -11,10 +11,10 @@ namespace usct::ros_interface {
 
 bool is_motorised(const us_ct_registration::ProbeGeometry& message);
 
-/// The message has the radius of the motor, but not the motion: angles and poses are elsewhere.
+/// The message has the radius of the motor; motor angles or poses are in the message around it.
 us_ct_registration::ProbeGeometry to_probe_message(const ScanGeometry& geometry);
 
-/// `lines` is how many the message with this geometry says that it has.
+/// `lines` is the number of lines that the message with this geometry states.
 Array array_from_message(const us_ct_registration::ProbeGeometry& message, std::uint32_t lines,
                          const std::string& source);
 AxialSampling axial_from_message(const us_ct_registration::ProbeGeometry& message,

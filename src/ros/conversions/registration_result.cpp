@@ -43,7 +43,7 @@ void fill_measures(const RegistrationResult& result, msg::RegistrationResult& me
     message.expected_error = *result.measures.expected_error_mm / kMmPerM;
 }
 
-/// From (rotation, translation) in rad and mm to (translation, rotation) in m and rad.
+/// Converts from (rotation, translation) in rad and mm to (translation, rotation) in m and rad.
 void fill_covariance(const Eigen::Matrix<double, 6, 6>& core, msg::RegistrationResult& message) {
   for (int row = 0; row < 6; ++row)
     for (int column = 0; column < 6; ++column) {

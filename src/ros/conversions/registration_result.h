@@ -6,8 +6,8 @@
 
 namespace usct::ros_interface {
 
-/// Fills what the core knows: status, transform, covariance, candidates, measures, durations...;
-/// frames, stamps, ids and the fixed frame are the node's.
+/// Fills the fields that the core knows: status, transform, covariance, candidates, measures,
+/// durations and so on. The node fills frames, stamps, ids and the fixed frame.
 us_ct_registration::RegistrationResult to_message(const RegistrationResult& result);
 
 }  // namespace usct::ros_interface

@@ -14,8 +14,8 @@ class FileSource : public IngestSource {
   void describe(diagnostic_updater::DiagnosticStatusWrapper&) override {}
 };
 
-/// Reads the file `path` with the options of any other file and publishes it. Throws InputError or
-/// whatever else kept it from being read (memory, disk), naming the file.
+/// Reads the file `path` and publishes it; `options` apply except for their own path. Throws
+/// InputError, or the exception that prevented reading (memory, disk), naming the file.
 void publish_file(const std::filesystem::path& path, const FileOptions& options,
                   const PublishVolume& publish);
 

@@ -11,8 +11,8 @@
 
 namespace usct::ros_interface {
 
-/// Publishes each file that appears in a folder, once it is written to its end. A file that cannot
-/// be read is reported, and the source goes on.
+/// Publishes each file that appears in a folder, once it is completely written. A file that cannot
+/// be read is reported, and the source continues.
 class FolderSource : public IngestSource {
  public:
   /// Throws InputError if the folder cannot be read.
@@ -30,8 +30,8 @@ class FolderSource : public IngestSource {
   const PublishVolume publish_;
   std::mutex looking_;  // guards folder_; held while files are read
   WatchedFolder folder_;
-  std::mutex mutex_;   // guards error_
-  std::string error_;  // of the last file or of the folder; empty if the last file was published
+  std::mutex mutex_;        // guards error_
+  std::string error_;       // of the last file or the folder; empty if the last file was published
   ::ros::WallTimer timer_;  // last: its callback uses all of the above
 };
 

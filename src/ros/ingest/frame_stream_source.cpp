@@ -42,13 +42,13 @@ ArrayPoses::ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& 
 void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const try {
   const ::ros::Time stamp = frame.message->header.stamp;
   const ::ros::Time shown = stamp - image_lag_;
-  // To tf the time zero is the newest, which is not the pose of this frame.
+  // tf takes the time zero for the newest transform, which is not the pose of this frame.
   if (stamp.isZero() || shown.isZero()) return;
   const ::ros::Duration left = std::max(deadline - ::ros::Time::now(), ::ros::Duration(0.0));
   frame.set_looked_up(
       as_pose(buffer_.lookupTransform(us_frame_, frame.frame_id, shown, left).transform),
       us_frame_);
-} catch (const std::exception& error) {  // tf2's, or a time that cannot be expressed
+} catch (const std::exception& error) {  // from tf2, or for a time out of range
   frame.pose_problem = error.what();
 }
 
@@ -91,7 +91,7 @@ std::vector<EndedSweep> FrameStreamSource::assemble(const msg::PreScanFrame::Con
 
 void FrameStreamSource::on_frame(const ::ros::MessageEvent<msg::PreScanFrame const>& event) {
   {
-    // While a frame waits for tf, a pause is not the sender's.
+    // While a frame waits for tf, a pause between frames is no pause of the sender.
     const std::lock_guard<std::mutex> lock(mutex_);
     ++frames_in_work_;
   }
@@ -131,7 +131,7 @@ void FrameStreamSource::check_lags(const std::vector<EndedSweep>& sweeps) {
 }
 
 void FrameStreamSource::check_lag(const PreScanVolume& volume) {
-  // The poses are corrected by image_lag already: the estimate is what is left.
+  // The poses are already corrected by image_lag, so that the estimate is the remaining lag.
   const LagEstimate left = estimate_lag(volume);
   const double image_lag_s = options_.assembly.image_lag_s;
   const double lag_s = image_lag_s + left.lag_s;

@@ -17,13 +17,13 @@
 
 namespace usct::ros_interface {
 
-/// Poses of a tracked probe's array by tf.
+/// Poses of a tracked probe's array from tf.
 class ArrayPoses {
  public:
   ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& options);
 
-  /// Sets the frame's pose at its stamp minus the image lag, or the problem why there is none.
-  /// Waits for tf until `deadline`.
+  /// Sets the frame's pose at its stamp minus the image lag, or the reason why it has none. Waits
+  /// for tf until `deadline`.
   void look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const;
 
  private:
@@ -34,7 +34,7 @@ class ArrayPoses {
 };
 
 /// Assembles the frames of the topic `us/frames` to sweeps, and compares images with poses to find
-/// a lag that nobody told of.
+/// an image lag that is not corrected.
 class FrameStreamSource : public IngestSource {
  public:
   FrameStreamSource(::ros::NodeHandle node, const FrameStreamOptions& options,
@@ -47,8 +47,8 @@ class FrameStreamSource : public IngestSource {
   std::vector<EndedSweep> assemble(const us_ct_registration::PreScanFrame::ConstPtr& message,
                                    const ::ros::Time& receipt);
   void check_pause();
-  /// Publishes what was assembled and logs what was refused. `mutex_` must be held, so that volumes
-  /// come out in the order of their sweeps.
+  /// Publishes the assembled sweeps and logs the refused ones. `mutex_` must be held, so that
+  /// volumes are published in the order of their sweeps.
   void publish(const std::vector<EndedSweep>& sweeps);
   void check_lags(const std::vector<EndedSweep>& sweeps);
   void check_lag(const PreScanVolume& volume);
@@ -58,17 +58,17 @@ class FrameStreamSource : public IngestSource {
   const PublishVolume publish_;
   std::unique_ptr<const ArrayPoses> poses_;  // null: tf is not asked
 
-  std::mutex mutex_;  // guards what follows, up to reported_at_
+  std::mutex mutex_;  // guards the members below, up to reported_at_
   SweepAssembler assembler_;
   int frames_in_work_ = 0;
   std::uint64_t refused_ = 0;
   std::string refusal_;  // of the last sweep; empty if it was published
-  std::string lag_;      // by the images of the last tracked sweep
+  std::string lag_;      // estimate from the last tracked sweep
   std::string lag_warning_;
   std::uint64_t reported_frames_ = 0;
   ::ros::WallTime reported_at_;
 
-  // Last: their callbacks use all of the above.
+  // These members are last, because their callbacks use all others.
   ::ros::Subscriber subscriber_;
   ::ros::WallTimer pause_timer_;
 };

@@ -10,9 +10,9 @@
 
 namespace usct::ros_interface {
 
-/// How files are read and stamped.
+/// Options for reading and stamping files.
 struct FileOptions {
-  /// `path` is the file's or the folder's.
+  /// `path` is that of the file or the folder.
   UltrasoundSource ultrasound;
   std::string frame_id;
   FileStamp stamp = FileStamp::kAcquisition;
@@ -33,7 +33,7 @@ struct FrameStreamOptions {
   double lag_tolerance_s = 0.0;
 };
 
-/// Of the node us_ingest; config/nodes/us_ingest.yaml explains each.
+/// Parameters of the node us_ingest; config/nodes/us_ingest.yaml explains each.
 struct IngestParameters {
   /// "file", "folder" or "frames"; the options of the other sources are not used.
   std::string source;

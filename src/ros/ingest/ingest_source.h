@@ -10,8 +10,8 @@ namespace usct::ros_interface {
 /// Publishes a volume. May be called from any thread.
 using PublishVolume = std::function<void(const us_ct_registration::PreScanVolumeConstPtr&)>;
 
-/// Where ultrasound comes from. A source that exists is at work: it hands each volume to the
-/// PublishVolume that it was made with.
+/// A source of ultrasound. It works from its construction on, and passes each volume to its
+/// PublishVolume.
 class IngestSource {
  public:
   IngestSource() = default;

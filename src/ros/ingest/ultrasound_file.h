@@ -19,7 +19,7 @@ namespace usct::ros_interface {
 /// (ultrasound_source.h). Throws InputError as Parameters, and if options contradict each other.
 UltrasoundSource read_ultrasound_source(Parameters& parameters);
 
-/// What volumes from files are stamped with.
+/// Origin of the stamp of a volume from a file.
 enum class FileStamp {
   kAcquisition,  // the file's own acquisition time; a file without one is refused
   kReading,      // the time at which the file is read

@@ -30,12 +30,12 @@ class UsIngest {
   std::string source_name_;
   ::ros::Publisher volume_publisher_;
 
-  std::mutex mutex_;  // guards what follows, up to last_volume_stamp_
+  std::mutex mutex_;  // guards the members below, up to last_volume_stamp_
   std::uint64_t published_ = 0;
   ::ros::Time last_volume_stamp_;
 
   diagnostic_updater::Updater diagnostics_;
-  // Last: their callbacks use all of the above.
+  // These members are last, because their callbacks use all others.
   std::unique_ptr<IngestSource> source_;
   ::ros::WallTimer diagnostics_timer_;
 };

@@ -8,7 +8,7 @@
 
 namespace usct::ros_interface {
 
-/// Finds the files that appear in a folder, each once, when it is written to its end. A file counts
+/// Finds the files that appear in a folder, each once, when it is completely written. A file counts
 /// as written when its size and time of change have stayed the same for `settle_s`; a file that
 /// changes after it was taken is a new file. Hidden files, which atomic writers use, are ignored.
 class WatchedFolder {

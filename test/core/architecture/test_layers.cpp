@@ -43,8 +43,8 @@ const std::map<std::string, std::set<std::string>>& allowed() {
       below.insert(beside.begin(), beside.end());
     }
     result["optimizer"] = {"base"};
-    // The phantom judges a registration that simulates ultrasound: with shared code both would err
-    // alike.
+    // The phantom judges a registration that simulates ultrasound; with shared code both could have
+    // the same error.
     for (const char* judged : {"simulation", "similarity", "optimizer", "registration"})
       result["phantom"].erase(judged);
     // The bag command of the tools is a program of its own that reads bags with the ROS layer.
@@ -142,7 +142,7 @@ TEST(Layers, EveryFileBelongsToAKnownLayer) {
     EXPECT_GT(files[layer], layer == "tools/ros" ? 0 : 2) << layer;
 }
 
-/// The test finds includes of each kind that is in use, and would name one that is forbidden.
+/// The test finds includes of each kind that is in use, and would report a forbidden one.
 TEST(Layers, IncludesAreFound) {
   const auto layers_included_by = [](const fs::path& file) {
     std::set<std::string> layers;
@@ -176,7 +176,7 @@ int includes_between(const std::string& folder, const std::string& other) {
 TEST(Layers, SimulationAndPhantomKnowNothingOfEachOther) {
   EXPECT_EQ(includes_between("simulation", "phantom"), 0);
   EXPECT_EQ(includes_between("phantom", "simulation"), 0);
-  EXPECT_GT(includes_between("phantom", "geometry"), 0);  // the search finds what is there
+  EXPECT_GT(includes_between("phantom", "geometry"), 0);  // the search finds existing includes
   EXPECT_GT(includes_between("simulation", "geometry"), 0);
 }
 
@@ -204,7 +204,7 @@ std::set<fs::path> everything_the_phantom_uses() {
 /// includes.
 TEST(Layers, PhantomSharesNoCodeWithTheSimulationOfUltrasoundFromCt) {
   const std::set<fs::path> files = everything_the_phantom_uses();
-  // The walk works: it reaches other folders, and sources through headers.
+  // The search works: it reaches other folders, and sources through headers.
   EXPECT_EQ(files.count(kCore / "phantom" / "frame_synthesis.cpp"), 1U);
   EXPECT_EQ(files.count(kCore / "geometry" / "scan_geometry.cpp"), 1U);
   EXPECT_GT(files.size(), 30U);

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-/// Bright enough, with a slope over depth, that speckle of 60 dB on 8 bits is not cut off.
+/// Ultrasound with a slope over depth, so bright that speckle of 60 dB is not clipped to 8 bits.
 PreScanVolume sloped_ultrasound() {
   PreScanVolume us;
   us.geometry.axial = {120, 0.0, 0.5};
@@ -32,7 +32,7 @@ double profile_at(const PreScanVolume& us, int sample) {
   return sum / (us.geometry.frames() * us.geometry.lines());
 }
 
-/// Of values minus their mean at each depth, between beams `step` lines apart.
+/// Correlation of values minus their mean at each depth, between beams `step` lines apart.
 double correlation(const PreScanVolume& a, const PreScanVolume& b, int sample_step, int line_step) {
   double ab = 0.0;
   double aa = 0.0;
@@ -83,7 +83,7 @@ TEST(SpeckleOnly, IsLogCompressedRayleighAsLargeAsThePointSpread) {
   }
   EXPECT_NEAR(std::sqrt(squares / (120 * 40 * 64)), 5.57 * 255.0 / 60.0, 0.7);
   // Samples 0.5 mm apart at sigma 0.5 mm: the field correlates by exp(-(d / 2 sigma)^2) = 0.78, the
-  // logarithm of its amplitude by Li2(0.78^2) / Li2(1) = 0.44. At 2.5 mm by nothing.
+  // logarithm of its amplitude by Li2(0.78^2) / Li2(1) = 0.44. At 2.5 mm there is no correlation.
   EXPECT_NEAR(correlation(noise, noise, 1, 0), 0.44, 0.05);
   EXPECT_LT(std::abs(correlation(noise, noise, 5, 0)), 0.03);
   // Lines lie 0.7 mm apart in the middle: Li2(exp(-0.245)) / Li2(1) = 0.60.

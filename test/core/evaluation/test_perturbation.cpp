@@ -36,7 +36,7 @@ RC_GTEST_PROP(RandomMotion, MovesThePointsByExactlyTheDisplacement, ()) {
             motion.matrix());
 }
 
-// Where the displacement limits nothing, angles are uniform and directions cover the sphere.
+// If the displacement is no limit, angles are uniform and directions cover the sphere.
 TEST(RandomMotion, AnglesAreUniformAndDirectionsIsotropic) {
   const std::vector<Vector3d> points = cube_corners(30.0);
   constexpr int kCount = 4000;
@@ -105,7 +105,7 @@ RC_GTEST_PROP(SpreadDisplacements, FillBinsEvenly, ()) {
   RC_ASSERT(spread == spread_displacements_mm(seed, count, low, high, bins));
 }
 
-// Eight starts in one bin: one in each eighth of it.
+// With eight starts in one bin, there is one in each eighth of it.
 TEST(SpreadDisplacements, AreSpreadWithinABin) {
   std::set<int> eighths;
   for (const double mm : spread_displacements_mm(5, 8, 8.0, 16.0, 1))

@@ -29,7 +29,7 @@ Vector3d centroid(const std::vector<Vector3d>& points) {
   return sum / static_cast<double>(points.size());
 }
 
-/// Hands the start back, as found; refuses if it turns the CT by 2 rad or more.
+/// Returns the start as the result; refuses if it rotates the CT by 2 rad or more.
 RegistrationResult register_nothing(const PreScanVolume& ultrasound, const CtVolume& ct,
                                     const Isometry3d& T_us_ct_initial) {
   RegistrationResult result;
@@ -113,7 +113,7 @@ TEST(PlanTrials, NegativesAreWhatTheySay) {
     if (trial.kind == TrialKind::kMismatched) {
       EXPECT_EQ(other.group(), own.group());
       if (trial.us_case == 0) partners_of_first.insert(trial.ct_case);
-      // The other's kidney lies where this one's start has it, but for the centroids' own shapes.
+      // The start puts the other kidney at the place of this one, up to their different shapes.
       const Vector3d centre = centroid(own.targets_us_mm);
       const Vector3d other_centre = other.T_us_ct_true.inverse() * centroid(other.targets_us_mm);
       EXPECT_LT((trial.T_us_ct_initial * other_centre - centre).norm(), 12.0);

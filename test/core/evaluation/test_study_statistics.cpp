@@ -27,7 +27,8 @@ TEST(Spread, OfTooFewIsNotANumber) {
   EXPECT_TRUE(std::isnan(spread_of({3.0}).deviation));
 }
 
-// Without ties 1 - 6 sum d^2 / (n (n^2 - 1)); Spearman's own IQ example gives -29/165.
+// Without ties, the value is 1 - 6 sum d^2 / (n (n^2 - 1)); Spearman's own IQ example gives
+// -29/165.
 TEST(Spearman, IsThatOfKnownExamples) {
   EXPECT_NEAR(spearman_correlation({106, 100, 86, 101, 99, 103, 97, 113, 112, 110},
                                    {7, 27, 2, 50, 28, 29, 20, 12, 6, 17}),
@@ -120,7 +121,7 @@ TEST(NegativeStatistics, CountEveryAcceptanceWithoutTruthAsWrong) {
   EXPECT_EQ(kinds[0].accepted_wrong, 1U);
   EXPECT_EQ(kinds[1].accepted_right, 1U);
   EXPECT_EQ(kinds[1].accepted_wrong, 1U);
-  // A negative trial without truth is in no table of errors.
+  // A negative trial without truth is in none of the tables of errors.
   EXPECT_EQ(statistics_by_group(runs, {})[0].runs, 3U);
 }
 
@@ -133,7 +134,7 @@ TEST(Calibration, ComparesExpectedWithTrueErrors) {
   add(1.0, 3.0);
   add(2.0, 4.0);
   add(4.0, 1.0);
-  runs.push_back(run_with_error("a", 2.0));  // expects nothing
+  runs.push_back(run_with_error("a", 2.0));  // no expected error
   const Calibration calibration = calibration_of(runs, {0.0, 3.0, 10.0, 20.0});
   ASSERT_EQ(calibration.bins.size(), 2U);
   EXPECT_EQ(calibration.bins[0].runs, 2U);

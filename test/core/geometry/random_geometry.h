@@ -22,7 +22,7 @@ inline double uniform(double low, double high) {
   return low + (high - low) * integer(0, 1000001) / 1e6;
 }
 
-/// `count` strictly monotonic values from `low` to `high`, or the other way round; steps differ by
+/// `count` strictly monotonic values from `low` to `high` or from `high` to `low`; steps differ by
 /// a factor of up to ten.
 inline std::vector<double> uneven_table(int count, double low, double high) {
   std::vector<double> values{0.0};
@@ -42,7 +42,8 @@ inline CurvilinearArray random_curvilinear() {
   return {uniform(5.0, 80.0), uneven_table(integer(2, 200), -edge, uniform(0.0, edge))};
 }
 
-/// Motor radii above and below the probe radius, tables rising and falling, travel of either sign.
+/// Random motorised sweep: motor radius above or below the probe radius, tables rising or falling,
+/// travel of either sign.
 inline ScanGeometry random_motorised() {
   ScanGeometry geometry;
   geometry.axial = random_axial();
@@ -74,7 +75,7 @@ inline Eigen::Isometry3d random_pose(double reach_mm = 100.0) {
   return T;
 }
 
-/// Small, oblique, anisotropic, possibly left-handed.
+/// A small grid: oblique, anisotropic, possibly left-handed.
 inline Grid random_grid(int largest = 12) {
   Grid grid;
   for (int axis = 0; axis < 3; ++axis) {

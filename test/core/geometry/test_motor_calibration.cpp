@@ -19,7 +19,7 @@ using test::uniform;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// Where a frame at a motor angle cuts a wire along z at depth y: the in-plane position, by the
+/// The in-plane position at which a frame at a motor angle cuts a wire along z at depth y, by the
 /// geometry of the probe and not by eq 3.1.
 double cut_mm(double wire_y_mm, double motor_angle_rad) {
   const Eigen::Isometry3d T = T_us_frame_at_motor_angle(40.0, 27.25, motor_angle_rad);
@@ -43,7 +43,7 @@ WireDistances sweep_wires(const std::vector<double>& angles_rad, int volumes, do
   return distances;
 }
 
-/// Motor angles that cross zero at `zero_frame`, with other steps before and after.
+/// Motor angles that cross zero at `zero_frame`, with different steps before and after.
 std::vector<double> two_halves(int frames, double zero_frame, double before_deg, double after_deg) {
   std::vector<double> angles;
   for (int frame = 0; frame < frames; ++frame)
@@ -53,7 +53,7 @@ std::vector<double> two_halves(int frames, double zero_frame, double before_deg,
 }
 
 // The experiment of the thesis: nine volumes, one half slower. 0.15 mm is half a sample of the
-// thesis' data; the bands are four standard errors, which themselves must be what noise explains.
+// thesis' data; the bands are four standard errors, which must themselves agree with the noise.
 TEST(MotorCalibration, RecoversTheThesisSweepFromNineNoisyVolumes) {
   const std::vector<double> truth = two_halves(97, 47.3, 0.611, 0.747);
   for (unsigned seed = 1; seed <= 20; ++seed) {
@@ -72,7 +72,7 @@ TEST(MotorCalibration, RecoversTheThesisSweepFromNineNoisyVolumes) {
   }
 }
 
-// Standard errors are honest: over many sweeps the errors are as large as they say.
+// Standard errors are right: over many sweeps they match the errors.
 TEST(MotorCalibration, StandardErrorsMatchTheScatterOfRepeatedCalibrations) {
   const std::vector<double> truth = two_halves(97, 47.3, 0.611, 0.747);
   double squares = 0.0;
@@ -113,7 +113,8 @@ RC_GTEST_PROP(MotorCalibration, IsExactWithoutNoise, ()) {
   RC_ASSERT(std::abs(result.distance_mm - 25.0) < 1e-6);
 }
 
-// Near zero angle noise takes h below d, where eq 3.1 has no solution: named, and never NaN.
+// Near zero angle noise makes h < d, where eq 3.1 has no solution: such frames are named, never
+// NaN.
 TEST(MotorCalibration, FramesBelowTheTrueDistanceAreNamed) {
   const WireDistances distances = sweep_wires(two_halves(97, 47.3, 0.611, 0.747), 1, 0.15, 7);
   const MotorCalibration result = calibrate_motor(distances, {}, "wires.csv");
@@ -129,8 +130,8 @@ TEST(MotorCalibration, FramesBelowTheTrueDistanceAreNamed) {
   EXPECT_GT(below, 2);  // the case occurs
 }
 
-// Water at 20 degrees on a scanner set to 1540 m/s shows distances 4 % too long. With the distance
-// taken as known that is refused or bends the angles; fitted, the angles are right and it is named.
+// Water at 20 degrees on a scanner set to 1540 m/s shows distances 4 % too long. A known distance
+// is then refused or distorts the angles; with a fitted distance the angles are right.
 TEST(MotorCalibration, FitsTheDistanceWhereTheSoundSpeedIsOff) {
   const std::vector<double> truth = two_halves(97, 47.3, 0.611, 0.747);
   WireDistances distances = sweep_wires(truth, 9, 0.15, 3);
@@ -172,15 +173,15 @@ TEST(MotorCalibration, RefusesWhatIsNoSweepOverWires) {
             "wires.csv: volume 1, frame 3: distance is -2.000000 mm, must be finite and > 0");
   EXPECT_EQ(message([](W&, O& o) { o.residual_tolerance = kNaN; }),
             "wires.csv: 'residual_tolerance' is nan, must be finite and > 0");
-  // d larger than what the frames show: no angle has that cosine.
+  // If d is larger than the shown distances, no angle has that cosine.
   EXPECT_NE(message([](W& w, O&) { w.true_distance_mm = 26.0; }).find("below their true distance"),
             std::string::npos);
-  // One side of the sweep only.
+  // The sweep covers one side only.
   EXPECT_NE(message([](W& w, O&) {
               for (auto& volume : w.volumes) volume.assign(volume.begin() + 30, volume.end());
             }).find("wires.csv: the "),
             std::string::npos);
-  // Segmentation gone wrong.
+  // The segmentation is wrong.
   EXPECT_NE(message([](W& w, O&) {
               for (auto& volume : w.volumes)
                 for (std::size_t i = 0; i < volume.size(); i += 3) volume[i] += 6.0;

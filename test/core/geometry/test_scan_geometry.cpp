@@ -84,7 +84,7 @@ RC_GTEST_PROP(MotorisedGeometry, ForwardThenInverseReturns, ()) {
     const Eigen::Vector3d p = us_from_scan(geometry, index);
     const ScanIndex back = inverse.scan_from_us(p);
     RC_ASSERT((us_from_scan(geometry, back) - p).norm() < kRoundTrip_mm);
-    // It is the same index as well, not another one with the same point.
+    // The index itself is recovered, not another one with the same point.
     RC_ASSERT(std::abs(back.sample - index.sample) < 1e-7);
     RC_ASSERT(std::abs(back.line - index.line) < 1e-7);
     RC_ASSERT(std::abs(back.frame - index.frame) < 1e-7);
@@ -141,8 +141,8 @@ TEST(TrackedGeometry, HasNoPositionsBetweenFrames) {
     EXPECT_THROW(us_from_scan(geometry, {0.0, 0.0, frame}), InputError) << frame;
 }
 
-// A motor that runs through the frame while it is acquired: the last line is `lines - 1` steps of
-// travel / lines behind the first, and the middle of the frame is at the table's angle.
+// The motor moves while a frame is acquired: the last line is `lines - 1` steps of travel / lines
+// behind the first, and the middle of the frame is at the table's angle.
 TEST(MotorisedGeometry, FrameTravelSpreadsAFrameOverMotorAngles) {
   MotorSweep sweep{20.0, {0.1, 0.2}, 0.03};
   EXPECT_NEAR(motor_angle_rad(sweep, 3, 0.0, 1.0), 0.10, 1e-15);
@@ -152,13 +152,13 @@ TEST(MotorisedGeometry, FrameTravelSpreadsAFrameOverMotorAngles) {
   EXPECT_NEAR(motor_angle_rad(sweep, 3, 0.0, 0.0), 0.11, 1e-15);
 }
 
-/// A valid motorised probe, changed by `change`: the violation that validate() reports.
+/// The violation that validate() reports for a valid motorised probe after `change`.
 std::string violation(const std::function<void(ScanGeometry&)>& change) {
   ScanGeometry geometry;
   geometry.axial = {128, 0.0, 0.6};
   geometry.array = CurvilinearArray{40.0, centred_table(64, 0.0213)};
   geometry.motion = MotorSweep{27.25, centred_table(80, 0.01277), 0.0};
-  geometry.validate("sweep.nrrd");  // valid as it is
+  geometry.validate("sweep.nrrd");  // valid before the change
   change(geometry);
   try {
     geometry.validate("sweep.nrrd");

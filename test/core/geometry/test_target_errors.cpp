@@ -77,8 +77,8 @@ Matrix6d random_covariance(std::mt19937& generator) {
   return scale.asDiagonal() * Matrix6d(factor * factor.transpose()) * scale.asDiagonal();
 }
 
-// Poses drawn from the covariance, moved by whole rotations; their errors measured as those of any
-// result are.
+// Poses are drawn from the covariance and moved by large rotations; their errors are measured as
+// those of any result.
 TEST(ExpectedTargetErrors, AreWhatRandomPosesHave) {
   std::mt19937 generator(3);
   std::normal_distribution<double> normal;

@@ -8,9 +8,9 @@
 
 #include "us_ct_registration/registration/registration_options.h"
 
-/// Any options that are valid. Structured bindings hold every field of a struct, and sizes are held
-/// where a struct is derived: a new field does not compile until it is here, and so must come back
-/// from a file.
+/// Random valid options. Structured bindings name every field of a struct, and the sizes of derived
+/// structs are checked: a new field does not compile until it is here, and must then survive
+/// writing and reading a file.
 namespace usct::test {
 
 inline double between(double low, double high) {
@@ -160,7 +160,7 @@ inline void randomise(StartOptions& o) {
   rotation_rad = between(0, region == StartRegion::kBox ? 1.8 : 3.14);
   translation_mm = between(0, 100);
 }
-/// The seed is not in files: a registration passes its own on.
+/// Files do not hold the seed: a registration passes its own on.
 inline void randomise(OptimizerOptions& o) {
   auto& [method, seed, evaluations, step, tolerance, cost, population] = o;
   static_cast<void>(seed);

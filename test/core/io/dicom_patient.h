@@ -9,7 +9,7 @@ namespace usct::test {
 
 inline Grid small_grid() { return example_grids()[0].grid; }
 
-/// Each voxel, wherever it lies, must hold what the patient of example_volumes.h is made of there.
+/// Each voxel must hold the value of the patient of example_volumes.h at its position.
 inline void expect_shows_the_patient(const CtVolume& volume, double tolerance_hu) {
   ASSERT_EQ(volume.voxels.size(), volume.grid.voxel_count());
   for (int k = 0; k < volume.grid.size.z(); ++k)

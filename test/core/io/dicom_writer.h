@@ -14,7 +14,7 @@
 
 namespace usct::test {
 
-/// One CT slice to write, sampled from a function of the place in the patient.
+/// One CT slice to write, sampled from a function of the position in the patient.
 struct DicomSlice {
   Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
   Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Identity();
@@ -40,7 +40,7 @@ struct DicomSlice {
 
   std::function<double(const Eigen::Vector3d&)> hounsfield = hounsfield_at;
 
-  /// After all else, attributes are replaced by these bytes, or added; or removed if empty.
+  /// Final changes: attributes are replaced by these bytes, or added; or removed if empty.
   std::map<gdcm::Tag, std::optional<std::string>> changes;
 };
 

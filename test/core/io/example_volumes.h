@@ -9,7 +9,7 @@
 
 namespace usct::test {
 
-/// Hounsfield units as a function of the place in the patient, independent of any grid.
+/// Hounsfield units as a function of the position in the patient, independent of any grid.
 inline double hounsfield_at(const Eigen::Vector3d& p_mm) {
   return 300.0 * std::sin(0.11 * p_mm.x() + 0.3) * std::cos(0.07 * p_mm.y()) + 4.0 * p_mm.z() -
          100.0;

@@ -11,12 +11,12 @@ namespace usct::test {
 struct ItkImage {
   std::vector<int> size;
   std::vector<double> spacing, origin;
-  /// For each index axis the three components of its direction in LPS.
+  /// The three components of the direction, in LPS, of each index axis.
   std::vector<double> direction;
   std::vector<short> voxels;
 };
 
-/// Read and write files of 16-bit voxels. Throw what ITK throws.
+/// Read and write files of 16-bit voxels. Throw ITK's exceptions.
 ItkImage read_by_itk(const std::filesystem::path& path);
 void write_by_itk(const ItkImage& image, const std::filesystem::path& path, bool compressed);
 

@@ -7,8 +7,8 @@
 
 namespace usct::test {
 
-/// A new folder, removed with its content at the end. It is in memory where that is possible: tests
-/// rewrite small files thousands of times, and a disk may flush each of them.
+/// A new folder, removed with its content at the end. It is in memory if possible: tests rewrite
+/// small files thousands of times, and a disk may flush each of them.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

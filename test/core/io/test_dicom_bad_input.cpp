@@ -1,5 +1,5 @@
 // The reader must answer every damaged DICOM file with an error that names it, never with a crash
-// or with made-up pixels.
+// or with invented pixels.
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <unistd.h>
@@ -26,7 +26,7 @@ using test::short_bytes;
 using test::TemporaryFolder;
 using test::write_text;
 
-/// Three slices, of which one will be spoilt.
+/// Three slices, one of which is spoilt by the test.
 class DicomBadInput : public testing::Test {
  protected:
   void SetUp() override {
@@ -143,7 +143,7 @@ TEST_F(DicomBadInput, EveryTruncationOfCompressedPixelsIsRefused) {
   }
 }
 
-/// A changed pixel cannot be detected, for want of a checksum; all else must be an InputError.
+/// A changed pixel cannot be detected without a checksum; everything else must be an InputError.
 TEST_F(DicomBadInput, DamagedBytesNeverDoWorseThanAnInputError) {
   const TemporaryFolder enhanced;
   test::write_enhanced_dicom(enhanced.path() / "e.dcm", slices_);

@@ -70,10 +70,10 @@ TEST(DicomReading, PositionsMayBeRoundedWithinTheTolerance) {
   expect_input_error([&] { read_dicom_ct(folder.path(), strict); }, {"uneven"});
 }
 
-/// The compressing programs share no code with the reader, where Debian has such.
+/// A way to compress, by programs that share no code with the reader if Debian has such programs.
 struct Compression {
   const char* name;
-  const char* command;  // of two files
+  const char* command;  // with two file names as arguments
   double tolerance_hu;
   int bits_stored;
 };

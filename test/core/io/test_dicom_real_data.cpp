@@ -1,4 +1,4 @@
-// Series of real scanners, compared to what dcmdump and others read from the same files.
+// Series of real scanners, compared to the values that dcmdump and others read from the same files.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -67,7 +67,7 @@ TEST(DicomRealData, AbdomenLiesWhereItsPositionsSay) {
   EXPECT_LT(*range.second, 3072);
 }
 
-/// The label map of the organs was made by others, with another DICOM reader.
+/// The label map of the organs was made by another group, with another DICOM reader.
 TEST(DicomRealData, OrgansOfTheLabelMapHaveTheirDensities) {
   const fs::path folder = test::data_root() / "totalseg_ct";
   USCT_REQUIRE_DATA(folder);
@@ -102,7 +102,7 @@ TEST(DicomRealData, OrgansOfTheLabelMapHaveTheirDensities) {
   EXPECT_GT(organs[69].mean(), 500.0);  // a humerus
 }
 
-/// The slices as dcmdump and the last bytes of the files give them.
+/// The slices as read by dcmdump and from the last bytes of the files.
 struct TiltedSlice {
   std::string name;
   Eigen::Vector3d position_mm, row, column;

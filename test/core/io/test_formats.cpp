@@ -150,7 +150,8 @@ TEST_F(DetectFormat, OptionsThatAFormatCannotUseAreRefused) {
       source.path = file;
       source.probe = format.ultrasound->needs(&UltrasoundSource::probe) ? "probe.yaml" : "";
       give(option, source);
-      // The two options of the place in the image are given together, and the first one is named.
+      // The two options for the probe's place in the image are given together, and the first is
+      // named.
       const std::string name = option.name;
       const std::string named = name == "image_spacing_mm" ? "image_origin_px" : name;
       expect_input_error([&] { read_ultrasound(source); },

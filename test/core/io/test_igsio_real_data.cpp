@@ -14,8 +14,8 @@ namespace {
 
 using test::expect_input_error;
 
-/// Counts what a recording must give, by plain text search in its header: no code is shared with
-/// the reader.
+/// Expected content of a recording, counted by plain text search in its header, so that no code is
+/// shared with the reader.
 struct Counted {
   std::string text;
 

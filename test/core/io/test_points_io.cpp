@@ -44,7 +44,7 @@ TEST(PointsIo, NamesTheLineThatIsWrong) {
 }
 
 TEST(PointsIo, RefusesBrokenFiles) {
-  // Every cut spoils the only point, because its last number has one digit.
+  // Each truncation spoils the only point, because its last number has one digit.
   test::expect_refuses_broken_files([](const auto& path) { read_points_mm(path); },
                                     test::to_bytes("x,y,z\n1,2,3"), ".csv");
 }

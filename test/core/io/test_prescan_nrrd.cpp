@@ -149,7 +149,7 @@ RC_GTEST_PROP(PreScanNrrd, WhatIsWrittenComesBack, ()) {
   const PreScanVolume back = read_prescan_nrrd(folder.path() / "sweep.nrrd");
   RC_ASSERT(back.voxels == volume.voxels);
   RC_ASSERT(back.acquisition_time == volume.acquisition_time);
-  // Millimetres and seconds come back bit by bit.
+  // Millimetres and seconds are read back bit by bit.
   RC_ASSERT(back.geometry.axial.start_depth_mm == volume.geometry.axial.start_depth_mm);
   RC_ASSERT(back.geometry.axial.spacing_mm == volume.geometry.axial.spacing_mm);
   RC_ASSERT(back.geometry.array.index() == volume.geometry.array.index());
@@ -284,7 +284,7 @@ TEST(PreScanNrrd, RefusesSizesThatTheDataDoNotBear) {
     const std::string content = replaced(motorised_file(), "sizes: 3 2 2", "sizes: " + sizes);
     expect_input_error([&] { read(replaced(content, "raw", encoding)); }, fragments);
   };
-  // A reader that believed these would allocate up to 2^93 bytes.
+  // A reader that trusted these sizes would allocate up to 2^93 bytes.
   refuse("3 2 3", "raw", {"sizes", "18", "12"});
   refuse("3 2 1", "raw", {"sizes", "6", "12"});
   refuse("2147483647 2147483647 2147483647", "raw", {"sizes", "too large"});

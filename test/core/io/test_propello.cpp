@@ -48,7 +48,7 @@ TEST(Propello, AVolumeBecomesAPreScanVolume) {
   EXPECT_EQ(volume.geometry.frames(), 2);
   EXPECT_EQ(volume.at(1, 2, 1), 12 + 2 * 4 + 1);
   const auto& sweep = std::get<MotorSweep>(volume.geometry.motion);
-  // 731 is 4 steps of 0.182925 degrees, truncated: the lost 0.7 thousandths come back.
+  // 731 is 4 steps of 0.182925 degrees, truncated: the reader restores the lost 0.7 thousandths.
   EXPECT_NEAR(sweep.frame_angles_rad[1] - sweep.frame_angles_rad[0], 0.7317 * kDegree, 1e-14);
   EXPECT_EQ(sweep.frame_travel_rad, 0.01);
 }

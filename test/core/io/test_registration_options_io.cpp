@@ -41,7 +41,7 @@ std::string replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
-/// By their text, in which every number has all its digits but the last of angles in degrees.
+/// Compares by text, in which every number has all its digits but the last of angles in degrees.
 bool same(const RegistrationOptions& a, const RegistrationOptions& b) {
   const auto angle = [](const RegistrationOptions& o) {
     return o.search.starts ? o.search.starts->rotation_rad : 0.0;
@@ -64,7 +64,7 @@ RC_GTEST_PROP(RegistrationOptionsIo, EveryFieldComesBackFromAFile, ()) {
   RC_ASSERT(same(options, back));
 }
 
-/// Every field of any options is in the text: each of two different options has a text of its own.
+/// The text holds every field of any options, so that different options have different texts.
 RC_GTEST_PROP(RegistrationOptionsIo, NoTwoOptionsHaveTheSameText, ()) {
   RC_ASSERT(registration_options_yaml(test::any_options()) !=
             registration_options_yaml(test::any_options()));
@@ -122,7 +122,7 @@ TEST(Presets, AFileChangesOnlyWhatItHolds) {
                    expected));
 }
 
-/// One set of defaults.
+/// The preset `patient` equals the defaults in the header, so that there is one set of defaults.
 TEST(Presets, PatientIsWhatTheHeaderSays) {
   EXPECT_EQ(registration_options_yaml(RegistrationOptions()),
             registration_options_yaml(preset("patient")));
@@ -167,14 +167,14 @@ TEST(Presets, AnotherMetricNeedsAllOfItsKeys) {
                  {"'search.levels[0].similarity.patches.samples' is missing"});
 }
 
-/// Even one that another metric has.
+/// An option of another metric is refused as well.
 TEST(Presets, AnOptionThatTheMetricDoesNotHaveIsRefused) {
   expect_refused("preset: patient\nsearch: {levels: {0: {similarity: {power: 2}}}}\n",
                  {"'search.levels[0].similarity.power' is unknown",
                   "joint_correlation_ratio has no such option"});
   expect_refused("preset: patient\nrefinement: {similarity: {bins: 12}}\n",
                  {"'refinement.similarity.bins' is unknown", "local_lc2 has no such option"});
-  // The scalar reference is for tests.
+  // The scalar reference is available to tests only.
   expect_refused("preset: patient\nrefinement: {similarity: {scalar: true}}\n",
                  {"'refinement.similarity.scalar' is unknown"});
 }
@@ -190,8 +190,8 @@ TEST(RegistrationOptionsIo, AFileWithoutAPresetMustBeComplete) {
                  {"'search.levels[0].similarity.kind'", hint});
   expect_refused(replaced(whole, "    - spacing_mm: 2\n      similarity:", "    - similarity:"),
                  {"'search.levels[1].spacing_mm' is missing", hint});
-  // A list of levels is of whole ones, whatever else the file derives from; so are a refinement and
-  // starts where there were none.
+  // A list of levels consists of complete levels, whatever preset the file derives from; so do a
+  // refinement and starts where the preset has none.
   expect_refused("preset: patient\nsearch: {levels: [{spacing_mm: 2}]}\n",
                  {"'search.levels[0].similarity'"});
   expect_refused("preset: thesis_b\nsearch: {starts: {count: 8}}\n", {"'search.starts.region'"});
@@ -305,7 +305,7 @@ TEST(RegistrationOptionsIo, EveryKeyIsDocumented) {
   }
   for (std::string key : keys) {
     key = std::regex_replace(key, std::regex(R"(^search\.levels\[\d+\]\.)"), "");
-    // Similarities and optimizers have the same keys wherever they stand.
+    // Similarities and optimizers have the same keys everywhere.
     key = std::regex_replace(key, std::regex(R"(^.*\b(similarity|optimizer)\.)"), "$1.");
     EXPECT_NE(docs.find("`" + key + "`"), std::string::npos) << key;
   }

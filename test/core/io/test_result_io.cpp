@@ -147,7 +147,7 @@ TEST(ResultIo, NamesTheKeyThatIsWrong) {
 
 TEST(ResultIo, RefusesBrokenFiles) {
   std::string good = text_of(registered());
-  good.pop_back();  // the line end, without which it is whole as well
+  good.pop_back();  // the line end, without which the file is still complete
   test::expect_refuses_broken_files([](const auto& path) { read_result(path); },
                                     test::to_bytes(good), ".json");
 }

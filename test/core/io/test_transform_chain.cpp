@@ -23,7 +23,8 @@ TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
   image_to_probe.status = "OK";
   calibration["ImageToProbe"] = image_to_probe;
   const Eigen::Affine3d T = transform_chain(frame, calibration, "Image", "Reference", "frame 0");
-  // By hand: image (4, 0, 0) -> probe (3, 2, 3) -> tracker (-2 + 10, 3, 33) -> minus (5, 6, 7).
+  // Computed by hand: image (4, 0, 0) -> probe (3, 2, 3) -> tracker (-2 + 10, 3, 33) -> minus (5,
+  // 6, 7).
   EXPECT_LT((T * Eigen::Vector3d(4, 0, 0) - Eigen::Vector3d(3, -3, 26)).norm(), 1e-12);
   const Eigen::Affine3d back = transform_chain(frame, calibration, "Reference", "Image", "frame 0");
   EXPECT_LT((back * T).matrix().isIdentity(1e-12) ? 0.0 : 1.0, 0.5);

@@ -28,7 +28,7 @@ TEST(TransformIo, AFileWithoutParametersIsNotTheIdentity) {
 
 const char* const kExtensions[] = {".tfm", ".txt", ".h5", ".hdf5"};
 
-/// One transform of a text file, as Slicer and ITK write it.
+/// The text of a file with one transform, as Slicer and ITK write it.
 std::string tfm(const std::string& type, const std::string& parameters, const std::string& fixed) {
   return "#Insight Transform File V1.0\n#Transform 0\nTransform: " + type +
          "\nParameters: " + parameters + "\nFixedParameters: " + fixed + "\n";

@@ -18,7 +18,7 @@ namespace usct::test {
 
 inline void expect_near_grid(const Grid& grid, const Grid& expected, double tolerance) {
   EXPECT_EQ(grid.size, expected.size);
-  // The corners of the volume show every difference.
+  // The grids are compared at the corners of the volume, where every difference shows.
   for (int corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3d index = Eigen::Vector3d(corner & 1, (corner >> 1) & 1, corner >> 2)
                                       .cwiseProduct(expected.size.cast<double>());
@@ -36,7 +36,7 @@ inline Grid grid_of(const test::ItkImage& image) {
   return grid;
 }
 
-/// One change to a good header, and what the message must name.
+/// One change to a good header, and the text that the message must contain.
 struct BadHeader {
   std::string from, to;
   std::vector<std::string> named;

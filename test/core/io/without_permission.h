@@ -7,12 +7,12 @@
 
 namespace usct::test {
 
-/// Takes the permission to read a file for a scope. Root becomes an ordinary user meanwhile.
+/// Removes the permission to read a file for a scope. Root becomes an ordinary user meanwhile.
 class WithoutPermission {
  public:
   explicit WithoutPermission(std::filesystem::path file)
       : file_(std::move(file)), was_root_(::geteuid() == 0) {
-    // The folder stays readable, so that only the file refuses.
+    // The folder stays readable, so that only the file is refused.
     using std::filesystem::perms;
     std::filesystem::permissions(
         file_.parent_path(),

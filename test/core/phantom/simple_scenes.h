@@ -9,8 +9,8 @@
 #include "phantom/echo_formation.h"
 #include "us_ct_registration/phantom/anatomy.h"
 
-/// Scenes whose ultrasound can be predicted: a rule that says the tissue at a point of the probe
-/// frame (x lateral, y depth, z elevation, mm). CT and probe frame coincide.
+/// Scenes whose ultrasound can be predicted: a rule gives the tissue at a point of the probe frame
+/// (x lateral, y depth, z elevation, mm). CT and probe frame coincide.
 namespace usct::phantom::test {
 
 using TissueRule = std::function<Tissue(const Eigen::Vector3d& p_mm)>;
@@ -70,7 +70,7 @@ inline SweepOptions small_sweep() {
   return options;
 }
 
-/// Envelope of a scene and where its samples lie.
+/// Envelope of a scene and the positions of its samples.
 struct Echoes {
   std::vector<float> envelope;
   ScanGeometry geometry;

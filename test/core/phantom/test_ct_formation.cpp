@@ -52,7 +52,7 @@ TEST_P(StorageOrder, ShowsTheSamePatient) {
         largest = std::max(
             largest, std::abs(static_cast<double>(static_cast<float>(ct.at(i, j, k)) - expected)));
       }
-  // Supersampling points may fall on either side of a boundary by rounding, here and there.
+  // By rounding, some supersampling points fall on the other side of a boundary.
   EXPECT_LE(largest, 40.0);
 }
 INSTANTIATE_TEST_SUITE_P(CtFormation, StorageOrder, testing::Values("RAS", "SPL", "PIR", "IRA"));
@@ -64,7 +64,7 @@ TEST(CtFormation, AnObliqueGridShowsTheSamePatient) {
   options.oblique_deg = {12.0, -8.0, 20.0};
   const CtVolume ct = ct_of(patient(), options);
   EXPECT_GT((ct.grid.direction - reference.grid.direction).norm(), 0.3);
-  // Points all over the middle, off the grids of both.
+  // Points throughout the middle, on neither of the two grids.
   double squares = 0.0;
   double variance = 0.0;
   double mean = 0.0;
@@ -129,7 +129,7 @@ TEST(CtFormation, PointSpreadHasTheWidthAskedFor) {
         return 0.1 * (i - (ct.at(i, 4, 2) - level) / (ct.at(i, 4, 2) - ct.at(i - 1, 4, 2)));
     return 0.0;
   };
-  // erf(sqrt(ln 2)) = 0.7610: half of it on either side of the middle.
+  // erf(sqrt(ln 2)) = 0.7610: half of the rise is on either side of the middle.
   EXPECT_NEAR(crossing_mm(880.5) - crossing_mm(119.5), 1.2, 0.06);
 }
 

@@ -88,7 +88,7 @@ TEST(SoundSpeedError, ScalesDepthByExactlyThatRatio) {
 }
 
 TEST(TissueSpeeds, FatDelaysWhatLiesBelow) {
-  // 20 mm of fat at 1450 m/s: the scanner, at 1540 m/s, shows what is below 20 (1540/1450 - 1) mm
+  // With 20 mm of fat at 1450 m/s, a scanner at 1540 m/s shows deeper echoes 20 (1540/1450 - 1) mm
   // too deep.
   Scene scene = simple_scene([](const Eigen::Vector3d& p) {
     if (p.y() < 10.0) return Tissue::kAgar;
@@ -129,7 +129,8 @@ TEST(Shadow, IsDarkBehindARibAndHasSoftEdges) {
   const double core = level_db(middle);
   const double beside = level_db(middle + 36);
   EXPECT_LT(core, beside - 25.0);
-  // At the edge of the shadow part of the aperture sees past the rib: no step from dark to light.
+  // Near the edge of the shadow, part of the aperture sees past the rib: no step from dark to
+  // light.
   int between = 0;
   for (int l = middle; l < middle + 36; ++l) {
     const double level = level_db(l);
@@ -199,7 +200,7 @@ TEST(Sweep, AContinuousSweepShowsABallWhereItsGeometrySays) {
   sweep.frames = 25;
   sweep.elevation_fov_deg = 24.0;
   sweep.frame_travel_deg = 2.0;  // two frames' steps
-  // Near an edge of the fan, where the motor has moved on by almost half of the travel.
+  // The ball is near an edge of the fan, where the motor has moved on by almost half of the travel.
   const Ball ball{{17.0, 38.0, 9.0}, 0.5, Tissue::kSteel};
   Scene scene = simple_scene([](const Eigen::Vector3d&) { return Tissue::kAgar; }, {ball});
   scene.tissues[Tissue::kAgar].echogenicity_db = -300.0;
@@ -249,7 +250,8 @@ TEST(Sweep, LagMakesFramesShowAnEarlierPlace) {
           }
     return frame;
   };
-  // The ball is passed in the middle of the sweep; 0.5 s at 20 frames per second later it shows.
+  // The ball is passed in the middle of the sweep and appears 0.5 s later, 10 frames at 20
+  // frames/s.
   EXPECT_EQ(brightest_frame(0.5) - brightest_frame(0.0), 10);
 }
 

@@ -112,7 +112,7 @@ std::vector<Spot> cluster(std::vector<Spot> points) {
   return groups;
 }
 
-/// The balls found in both images, blindly, coincide under the truth.
+/// The balls found in each image, without use of the truth, coincide under the truth.
 TEST(AgarPhantom, SteelBallsOfBothImagesCoincideUnderTheTruth) {
   PhantomOptions options;
   options.seed = 8;
@@ -166,8 +166,8 @@ TEST(AgarPhantom, SteelBallsOfBothImagesCoincideUnderTheTruth) {
   EXPECT_EQ(matched.size(), 4U);
 }
 
-/// The kidney's border in each image, found by shifting the target surface in and out, lies where
-/// the truth says.
+/// The kidney's border in each image, found by shifting the target surface in and out, must agree
+/// with the truth.
 TEST(AgarPhantom, KidneySurfaceOfBothImagesLiesAtTheTargets) {
   PhantomOptions options;
   options.seed = 3;
@@ -209,7 +209,7 @@ TEST(AgarPhantom, KidneySurfaceOfBothImagesLiesAtTheTargets) {
       for (int i = 0; i < 25; ++i)
         profile[static_cast<std::size_t>(i)] += value(target + 0.5 * (i - 12) * outwards);
     }
-    // Half way between the means well inside and well outside.
+    // The border is half way between the means well inside and well outside.
     const double inside = (profile[0] + profile[1] + profile[2] + profile[3]) / 4.0;
     const double outside = (profile[21] + profile[22] + profile[23] + profile[24]) / 4.0;
     EXPECT_GT(inside, 1.3 * outside);

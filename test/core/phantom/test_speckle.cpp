@@ -89,7 +89,7 @@ TEST(Speckle, WidensWithDepthBeyondTheFocus) {
       scan(silent_attenuation(homogeneous_scene(Tissue::kCortex)), sweep, 130.0, options);
   const double at_focus = lateral_correlation_mm(e, 50.0);
   const double beyond = lateral_correlation_mm(e, 118.0);
-  // 16 mm aperture, 0.308 mm wavelength: about a millimetre at the focus.
+  // Aperture 16 mm, wavelength 0.308 mm: the correlation length at the focus is about a millimetre.
   EXPECT_GT(at_focus, 0.4);
   EXPECT_LT(at_focus, 1.6);
   EXPECT_GT(beyond, 1.6 * at_focus);
@@ -157,7 +157,7 @@ TEST(Attenuation, IsUndoneByTgc) {
 TEST(Noise, RisesWithDepthWhenTheScannerIsWeak) {
   UltrasoundOptions options = ideal_scanner();
   options.time_gain_compensation = true;
-  // Silent tissue that attenuates like soft tissue: what is seen is noise.
+  // The tissue attenuates like soft tissue and does not scatter, so that only noise is visible.
   Scene scene = homogeneous_scene(Tissue::kMuscle);
   scene.tissues[Tissue::kMuscle].echogenicity_db = -300.0;
   scene.tissues[Tissue::kMuscle].attenuation_db_cm_mhz = 0.5;

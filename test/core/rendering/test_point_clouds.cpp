@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// 7 samples x 3 lines x 5 frames; the brightness tells frame, line and sample.
+/// A volume of 7 samples x 3 lines x 5 frames; the brightness encodes frame, line and sample.
 PreScanVolume volume() {
   PreScanVolume result;
   result.geometry = {{7, 3.0, 0.4},
@@ -37,7 +37,7 @@ TEST(CrossedFans, AreTheMiddleFrameAndTheMiddleLinesWhereTheSamplesLie) {
 }
 
 TEST(CrossedFans, LeaveSamplesOutThatAreCloserThanTheSpacing) {
-  // 0.8 mm is two samples: 0, 2, 4, 6.
+  // Spacing 0.8 mm is two samples: 0, 2, 4, 6.
   EXPECT_EQ(crossed_fans(volume(), 0.8).size(), 4u * (3 + 4));
   EXPECT_EQ(crossed_fans(volume(), 0.9).size(), 3u * (3 + 4));
 }
@@ -58,8 +58,8 @@ TEST(WholeVolume, HasEverySampleWhereItLies) {
 }
 
 TEST(WholeVolume, IsAveragedToTheSpacing) {
-  // 0.8 mm is two samples; lines and frames are millimetres apart. Of seven samples the last is
-  // left.
+  // Spacing 0.8 mm is two samples; lines and frames are millimetres apart. The last of seven
+  // samples is left over.
   const PreScanVolume us = volume();
   const std::vector<CloudPoint> points = whole_volume(us, 0.8);
   ASSERT_EQ(points.size(), 3u * 3 * 5);

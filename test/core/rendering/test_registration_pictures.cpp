@@ -62,7 +62,7 @@ struct Panel {
   int column;
 };
 
-/// Of the pixels in the panel that `test` holds for, positions in mm from its middle.
+/// Positions, in mm from the panel's middle, of its pixels for which `test` is true.
 template <typename Test>
 std::vector<Eigen::Vector2d> positions_mm(const Picture& sheet, Panel panel, const Test& test) {
   const int left = panel.column * (kPanelPx + kGapPx);
@@ -76,7 +76,7 @@ std::vector<Eigen::Vector2d> positions_mm(const Picture& sheet, Panel panel, con
   return positions;
 }
 
-/// All positions lie on the circle, and all around it.
+/// Expects all positions on the circle, in all directions.
 void expect_circle(const std::vector<Eigen::Vector2d>& positions_mm,
                    const Eigen::Vector2d& centre_mm, double radius_mm) {
   std::vector<int> sectors(36, 0);
@@ -96,7 +96,7 @@ RegistrationResult registered(const Isometry3d& T_us_ct) {
   return result;
 }
 
-/// Two poses that put the ball's middle, at (30, -20, 100) in the CT, to `centre_us_mm`.
+/// One of two poses that move the ball's middle from (30, -20, 100) in the CT to `centre_us_mm`.
 Isometry3d pose_of_ball(const Vector3d& centre_us_mm, double angle_rad) {
   return Eigen::Translation3d(centre_us_mm) *
          Eigen::AngleAxisd(angle_rad, Vector3d(1, 2, -1).normalized()) *

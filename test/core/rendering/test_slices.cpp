@@ -18,7 +18,7 @@ Grid cube(int size) {
   return grid;
 }
 
-/// One voxel differs from all others: the pictures must show it where it is.
+/// One voxel differs from all others, and the pictures must show it at its position.
 TEST(Slices, ACtVoxelIsDrawnWhereTheTransformPutsIt) {
   CtVolume ct(cube(21), -160);
   ct.at(15, 10, 10) = 340;  // at (5, 0, 0) mm in the CT

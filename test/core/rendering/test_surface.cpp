@@ -36,7 +36,7 @@ Volume<T> filled(const Grid& grid, F&& value) {
   return volume;
 }
 
-/// Each edge has its opposite exactly once: nothing is open, and all sides look the same way.
+/// Each edge has its opposite exactly once: the surface is closed and consistently oriented.
 void expect_closed(const Surface& surface) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   for (const auto& t : surface.triangles)
@@ -47,7 +47,7 @@ void expect_closed(const Surface& surface) {
   EXPECT_EQ(open, 0U) << "of " << edges.size();
 }
 
-/// By the divergence theorem; positive if the triangles look outwards.
+/// Volume by the divergence theorem; positive if the triangles face outwards.
 double volume_mm3(const Surface& surface) {
   double sum = 0.0;
   const Eigen::Vector3d origin = surface.points_mm.front();

@@ -12,7 +12,7 @@
 
 namespace usct::test {
 
-/// A texture without a preferred place: waves of 2-6 mm in random directions.
+/// A homogeneous texture: waves of 2-6 mm in random directions.
 class Texture {
  public:
   explicit Texture(unsigned seed) {
@@ -44,10 +44,10 @@ struct SweepCase {
   double interval_s = 0.05;
   double noise = 4.0;                      // standard deviation, grey values
   int repeat_every = 0;                    // every n-th image is that of the frame before
-  std::function<double(double)> along_mm;  // way of the probe by time
+  std::function<double(double)> along_mm;  // path length of the probe by time
 };
 
-/// Speed between 2 and 18 mm/s, as a hand's: never the same for long.
+/// Position at an unsteady speed between 2 and 18 mm/s, as by hand.
 inline double unsteady_mm(double t) {
   return 10.0 * t - 3.0 * std::cos(1.7 * t) - 1.0 * std::cos(4.1 * t + 1.0);
 }

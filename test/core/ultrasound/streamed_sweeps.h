@@ -10,7 +10,7 @@
 
 #include "us_ct_registration/ultrasound/sweep_assembly.h"
 
-/// Small sweeps, the frames that a scanner would stream of them, and an assembler that gets them.
+/// Small sweeps, their frames as a scanner would stream them, and an assembler that receives them.
 namespace usct::test {
 
 constexpr int kSamples = 4;
@@ -26,7 +26,7 @@ inline std::vector<std::uint8_t> voxels(int frames) {
   return data;
 }
 
-/// Steps of 0.02 rad, rising or falling.
+/// A motorised sweep with steps of 0.02 rad, rising or falling.
 inline PreScanVolume motorised(int frames, double direction = 1.0) {
   PreScanVolume volume;
   MotorSweep sweep{27.25, {}, 0.011 * direction};
@@ -37,7 +37,7 @@ inline PreScanVolume motorised(int frames, double direction = 1.0) {
   return volume;
 }
 
-/// Moves by 1 mm per frame along z.
+/// A tracked sweep that moves by 1 mm per frame along z.
 inline PreScanVolume tracked(int frames) {
   PreScanVolume volume;
   TrackedSweep sweep;
@@ -101,7 +101,7 @@ inline int frame_count(const EndedSweep& sweep) {
   return sweep.assembled->volume.geometry.frames();
 }
 
-/// Feeds frames as they would come, one per period, and keeps what ends.
+/// Feeds frames at their times, one per period, and keeps the sweeps that end.
 class Stream {
  public:
   explicit Stream(const AssemblyOptions& options = {}) : assembler(options) {}
@@ -132,7 +132,7 @@ class Stream {
   std::int64_t now_ns_ = 5000 * kSecond;
 };
 
-/// Bit by bit; times to the nanosecond, which is what stamps have.
+/// Expects equality bit by bit; of times to the nanosecond, the resolution of stamps.
 inline void expect_equal(const EndedSweep& sweep, const PreScanVolume& expected) {
   ASSERT_TRUE(sweep.assembled) << sweep.message;
   const PreScanVolume& found = sweep.assembled->volume;

@@ -24,7 +24,7 @@ Grid grid_of(const Eigen::Vector3i& size, const Eigen::Vector3d& origin_mm, doub
   return grid;
 }
 
-/// Images of one brightness each, 21 x 11 pixels of 1 mm, in planes of constant z.
+/// Images with one brightness each, 21 x 11 pixels of 1 mm, in planes of constant z.
 TrackedImages flat_images(const std::vector<std::pair<double, std::uint8_t>>& z_and_brightness) {
   TrackedImages images;
   images.width = 21;
@@ -39,7 +39,7 @@ TrackedImages flat_images(const std::vector<std::pair<double, std::uint8_t>>& z_
 }
 
 /// The voxel values of `images` compounded in a column along z at x = 10, y = 5, from 0 in steps of
-/// 1 mm; -1 where nothing is known.
+/// 1 mm; -1 for unknown voxels.
 std::vector<int> column(const TrackedImages& images, int size, const CompoundOptions& options) {
   const Grid grid = grid_of({3, 3, size}, {9.0, 4.0, 0.0}, 1.0);
   const ScanConverted result = compound(images, grid, options);
@@ -54,7 +54,7 @@ TEST(Compound, CombinesFramesInAVoxelAsAsked) {
   CompoundOptions options;
   options.slice_thickness_mm = 2.0;
   // At z = 1: weights 1, 1 and 0.5. At z = 2: the third alone, 0.5 mm away (the others touch it
-  // with weight 0). At z = 0: nothing.
+  // with weight 0). At z = 0: no image.
   options.compounding = Compounding::kMean;
   EXPECT_EQ(column(images, 3, options), (std::vector<int>{-1, 56, 20}));
   options.compounding = Compounding::kMaximum;
@@ -202,7 +202,7 @@ RC_GTEST_PROP(Compound, ATrackedFanLandsWhereItsPosePutsIt, ()) {
       }
 }
 
-// A linear array's frame is an image whose columns are lines: both ways give the same volume.
+// A linear array's frame is an image whose columns are lines: both functions give the same volume.
 TEST(Compound, ALinearSweepIsTheSameAsItsImages) {
   std::vector<Eigen::Isometry3d> poses;
   for (int n = 0; n < 12; ++n) {
@@ -225,7 +225,7 @@ TEST(Compound, ALinearSweepIsTheSameAsItsImages) {
   }
   const Grid grid = fan_grid(prescan.geometry, 0.7);
   CompoundOptions options;
-  options.average_in_plane = false;  // else the edges differ: the sweep knows half a pixel more
+  options.average_in_plane = false;  // else the edges differ by half a pixel
   const ScanConverted sweep = compound(prescan, grid, options);
   const ScanConverted pictures = compound(images, grid, options);
   std::size_t both = 0;
@@ -258,7 +258,7 @@ TEST(Compound, AveragesPixelsThatAreFinerThanVoxels) {
     EXPECT_EQ(value, 150);
   options.average_in_plane = false;
   EXPECT_EQ(compound(images, grid, options).volume.at(2, 3, 0), 200);
-  // About the voxel's centre: a ramp stays where it is.
+  // The average is centred on the voxel: a ramp is preserved.
   for (std::size_t i = 0; i < images.pixels.size(); ++i)
     images.pixels[i] = static_cast<std::uint8_t>(4 * (i % 40) + i / 40);
   options.average_in_plane = true;
@@ -340,14 +340,14 @@ TEST(Compound, RefusesBadInputAndNamesIt) {
             "tracked images: images have 0 x 0 pixels, must have at least 1 x 1");
 }
 
-// A scanner's picture of a fan, taken back to its beams: the samples show what the tissue was.
+// A scanner's picture of a fan, resampled along its beams, shows the brightness of the tissue.
 TEST(PreScanFromImages, ReadsThePictureAlongTheTrueBeams) {
   const CurvilinearArray array{30.0, centred_table(40, 1.5 * kDegree)};
   const AxialSampling axial{100, 1.0, 0.4};
   const auto tissue = [](const Eigen::Vector3d& p_us) {
     return 128.0 + 50.0 * std::sin(p_us.x() / 5.0) + 50.0 * std::cos(p_us.y() / 5.0 + p_us.z());
   };
-  for (const double sign : {1.0, -1.0}) {  // the picture as it is, and mirrored
+  for (const double sign : {1.0, -1.0}) {  // the picture, and its mirror image
     const ImagePlacement placement{{130.0, -90.5}, {sign * 0.25, 0.3}};
     TrackedImages images;
     images.width = 260;

@@ -21,7 +21,7 @@ BeamGrid convex_beams(int lines = 16, int frames = 9) {
   return beam_grid(geometry);
 }
 
-/// Grey 60-140 without structure; the same for the same beams.
+/// Grey 60-140 without structure; equal beams give equal speckle.
 BeamUltrasound speckle(const BeamGrid& beams) {
   BeamUltrasound us{beams, {}, {}};
   std::uint32_t state = 7;
@@ -36,7 +36,7 @@ std::size_t at(const BeamUltrasound& us, int sample, int line, int frame) {
   return static_cast<std::size_t>((frame * us.beams.lines + line) * us.beams.samples() + sample);
 }
 
-/// Everything counts.
+/// Options with which every sample counts.
 ConditioningOptions no_masks() {
   ConditioningOptions options;
   options.depth.automatic = false;
@@ -272,7 +272,7 @@ TEST(Conditioning, RefusesOptionsAndUltrasoundThatAreWrong) {
   EXPECT_THROW(condition(bad, {}), InputError);
 }
 
-/// A phantom that is small enough for a test; the far side of the tub is in view if it is deep.
+/// A phantom that is small enough for a test; a deep one shows the far side of the tub.
 phantom::PhantomCase small_phantom(phantom::SceneKind scene, std::uint64_t seed, double depth_mm) {
   phantom::PhantomOptions options;
   options.scene = scene;

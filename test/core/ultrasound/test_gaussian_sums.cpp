@@ -53,8 +53,8 @@ double mean_by_definition(const BeamGrid& beams, const Masked& us, double sigma_
       sum += (point_at(i + 1) - point_at(i)).norm();
     return sum;
   };
-  // Across lines and frames at the depth of what is added, as the sums along one axis after another
-  // have it.
+  // Distances across lines and frames are those at the depth of the added sample, as for sums along
+  // one axis after another.
   double sum = 0.0;
   double weight = 0.0;
   for (int f = 0; f < beams.frames; ++f)
@@ -76,7 +76,7 @@ double mean_by_definition(const BeamGrid& beams, const Masked& us, double sigma_
   return sum / weight;
 }
 
-/// The greatest error of local means, in deviations of what is averaged.
+/// The greatest error of local means, in standard deviations of the averaged values.
 double greatest_error(double sigma_mm) {
   const BeamGrid beams = fan();
   const Masked us = masked_values(beams);

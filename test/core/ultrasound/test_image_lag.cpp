@@ -151,7 +151,7 @@ TEST(EstimateLag, ImagesThatDoNotFollowTheProbeAreSeldomBelieved) {
     SweepCase how;
     how.along_mm = unsteady_mm;
     PreScanVolume volume = sweep_of(how, seed);
-    // Image change that has nothing to do with the poses: another hand's sweep.
+    // The image change is that of another hand's sweep, unrelated to the poses.
     how.along_mm = [seed](double t) {
       return 10.0 * t - 3.0 * std::cos(2.3 * t + seed) - 1.0 * std::cos(5.3 * t + 2.0 * seed);
     };

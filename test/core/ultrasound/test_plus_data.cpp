@@ -24,7 +24,7 @@ std::filesystem::path plus_file(const std::string& name) {
   return test::data_root() / "plus_us" / name;
 }
 
-/// One picture, or part of a volume, with what is known of it.
+/// One picture, or part of a volume, with a mask of known pixels.
 struct Picture {
   int width = 0;
   int height = 0;
@@ -46,11 +46,12 @@ void save(const std::string& name, const std::vector<Picture>& side_by_side) {
                 first.width);
 }
 
-/// How alike two pictures are where `mask` says so.
+/// Agreement of two pictures within `mask`.
 struct Agreement {
   double correlation = 0.0;
-  /// Correlation of b with the function of a that explains it best: 1 where one grey value of a
-  /// always has the same grey value in b. Two machines' grey maps differ, their geometry must not.
+  /// Correlation of b with the function of a that explains it best: 1 if one grey value of a always
+  /// has the same grey value in b. It ignores the grey maps of two machines, which may differ, and
+  /// shows differences of geometry.
   double correlation_ratio = 0.0;
   double mean_absolute_difference = 0.0;
   int largest_difference = 0;
@@ -145,7 +146,7 @@ Picture mirrored(Picture picture) {
   return picture;
 }
 
-/// The shift along one axis that agrees best: vertex of the parabola through three values.
+/// The shift along one axis with the best agreement: vertex of the parabola through three values.
 double vertex(double before, double here, double after, double step) {
   return 0.5 * step * (before - after) / (before - 2.0 * here + after);
 }
@@ -170,7 +171,7 @@ void report(const std::string& what, const Agreement& a) {
 }
 
 // Plus' conversion and ours differ by rounding alone: they interpolate alike and the geometry is
-// given. A sign, half a sample or half a pixel wrong anywhere costs three nines.
+// given. A wrong sign, or an offset of half a sample or half a pixel, costs three nines.
 TEST(PlusData, CurvilinearFramesAreWhatPlusMadeOfThem) {
   USCT_REQUIRE_DATA(plus_file("UltrasonixCurvilinearBrightnessData.igs.mha"));
   const IgsioSequence raw = read_igsio(plus_file("UltrasonixCurvilinearBrightnessData.igs.mha"));
@@ -186,7 +187,7 @@ TEST(PlusData, CurvilinearFramesAreWhatPlusMadeOfThem) {
         scan_convert(as_motorised(prescan), fan.picture(), Interpolation::kTrilinear);
     EXPECT_EQ(tracked.volume.voxels, motorised.volume.voxels);
     EXPECT_EQ(tracked.mask.voxels, motorised.mask.voxels);
-    // Plus leaves the last half line and half sample black, and ours is known there.
+    // Plus leaves the last half line and half sample black, where our values are known.
     std::vector<std::uint8_t> both = tracked.mask.voxels;
     for (std::size_t i = 0; i < both.size(); ++i)
       if (theirs.pixels[i] == 0) both[i] = 0;
@@ -198,7 +199,7 @@ TEST(PlusData, CurvilinearFramesAreWhatPlusMadeOfThem) {
     EXPECT_LT(a.mean_absolute_difference, 0.01);
     EXPECT_LE(a.largest_difference, 1);
     EXPECT_LT(shift.norm(), 0.02);
-    // Nothing that Plus shows is missing from ours.
+    // Our mask contains every pixel that Plus shows.
     for (std::size_t i = 0; i < both.size(); ++i)
       if (tracked.mask.voxels[i] == 0) {
         ASSERT_EQ(theirs.pixels[i], 0) << i;
@@ -208,10 +209,10 @@ TEST(PlusData, CurvilinearFramesAreWhatPlusMadeOfThem) {
 }
 
 // The scanner's own pictures are mirrored, of another geometry than the file that Plus was given
-// (radius over depth 9.1 : 70.9 and not 10 : 72, 3 pixels lower: fitted once, to frame 0), and
-// differ in what no geometry explains: grey map (black where the raw data are at 80 of 255), gain
-// over depth (brighter below), and stripes across bright echoes that the scanner has smoothed.
-// Side by side in colours the same structures coincide everywhere in the fan.
+// (radius over depth 9.1 : 70.9 and not 10 : 72, 3 pixels lower: fitted once, to frame 0), and have
+// other differences than geometry: grey map (black where the raw data are at 80 of 255), gain over
+// depth (brighter below), and stripes across bright echoes that the scanner has smoothed. Overlaid
+// in colours, the same structures coincide everywhere in the fan.
 TEST(PlusData, CurvilinearFramesAreWhatTheScannerShowed) {
   USCT_REQUIRE_DATA(plus_file("UltrasonixCurvilinearBrightnessData.igs.mha"));
   const IgsioSequence raw = read_igsio(plus_file("UltrasonixCurvilinearBrightnessData.igs.mha"));
@@ -268,7 +269,8 @@ TEST(PlusData, TheCompoundedSpineSweepLiesOnPlusReconstruction) {
       grid.origin_mm.z();
   ASSERT_EQ(file.data.size(), grid.voxel_count());
 
-  // Plus starts its volume at the corner of the box around all images: the calibration is the one.
+  // Plus starts its volume at the corner of the box around all images, which confirms the
+  // calibration.
   Eigen::AlignedBox3d box;
   for (const Eigen::Affine3d& T : images.T_us_pixel)
     for (const double u : {0.0, images.width - 1.0})
@@ -281,10 +283,10 @@ TEST(PlusData, TheCompoundedSpineSweepLiesOnPlusReconstruction) {
     const ScanConverted ours = compound(images, shifted, options);
     std::vector<std::uint8_t> both = ours.mask.voxels;
     for (std::size_t i = 0; i < both.size(); ++i)
-      if (file.data[i] == 0) both[i] = 0;  // black or not reached by Plus: the file does not say
+      if (file.data[i] == 0) both[i] = 0;  // black or not reached by Plus, without distinction
     return agreement(ours.volume.voxels, file.data, both);
   };
-  // Plus spreads every pixel over its voxels, averages, and fills holes; ours looks from the voxel.
+  // Plus spreads every pixel over its voxels, averages, and fills holes; ours works per voxel.
   const Agreement a = compare(Eigen::Vector3d::Zero(), {});
   report("spine sweep", a);
   EXPECT_GT(a.correlation, 0.998);

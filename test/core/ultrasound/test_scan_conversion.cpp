@@ -61,7 +61,7 @@ PreScanVolume record_pattern(const ScanGeometry& geometry) {
   return prescan;
 }
 
-// What the probe saw at a place is at that place of the converted volume, whatever the grid.
+// The converted volume has each value of the recorded pattern at its position, on any grid.
 TEST(ScanConvert, PutsEveryStructureWhereThePrintedEquationsSayItWas) {
   const ScanGeometry geometry = uneven_probe();
   const PreScanVolume prescan = record_pattern(geometry);
@@ -91,7 +91,8 @@ TEST(ScanConvert, PutsEveryStructureWhereThePrintedEquationsSayItWas) {
   }
 }
 
-// The mask is what was acquired: all samples are in it, and nothing farther out than half a step.
+// The mask is the acquired region: it holds all samples, and no point more than half a step
+// outside.
 RC_GTEST_PROP(ScanConvert, MaskIsTheAcquiredFan, ()) {
   ScanGeometry geometry = random_motorised();
   const PreScanVolume prescan{
@@ -164,8 +165,8 @@ TEST(ScanConvert, FanGridCoversAllThatIsAcquiredAndLittleMore) {
   const Grid grid = fan_grid(geometry, 1.0);
   PreScanVolume prescan = record_pattern(geometry);
   const ScanConverted result = scan_convert(prescan, grid, Interpolation::kNearest);
-  // Every face of the grid is met by the fan within two voxels, and none cuts it off: a grid that
-  // is larger by 10 voxels on each side knows the same.
+  // The fan comes within two voxels of every face of the grid and is not cut off: a grid that is
+  // larger by 10 voxels on each side has the same known voxels.
   Grid larger = grid;
   larger.size.array() += 20;
   larger.origin_mm.array() -= 10.0;
@@ -225,7 +226,7 @@ Volume<float> affine_volume(const Grid& grid, const Eigen::Vector3d& gradient, d
   return volume;
 }
 
-// The CT is sampled where the beams pass, with the pose applied the right way round.
+// The CT is sampled at the positions of the beams, with the pose applied in the right direction.
 RC_GTEST_PROP(SampleAlongBeams, ReadsTheVolumeAtTheBeamsPosition, ()) {
   const Grid grid = random_grid(30);
   const Eigen::Vector3d gradient(uniform(-3, 3), uniform(-3, 3), uniform(-3, 3));
@@ -235,7 +236,7 @@ RC_GTEST_PROP(SampleAlongBeams, ReadsTheVolumeAtTheBeamsPosition, ()) {
   beams.axial = {integer(2, 20), uniform(0.0, 5.0), uniform(0.05, 1.0)};
   beams.lines = 3;
   beams.frames = 2;
-  // Beams that start somewhere in the volume; some leave it.
+  // Beams start anywhere in the volume; some leave it.
   const Eigen::Isometry3d T_volume_us = random_pose();
   for (int n = 0; n < 6; ++n) {
     const Eigen::Vector3d index = grid.size.cast<double>().cwiseProduct(
@@ -264,7 +265,7 @@ RC_GTEST_PROP(SampleAlongBeams, ReadsTheVolumeAtTheBeamsPosition, ()) {
       }
 }
 
-// There and back: a volume sampled along the beams, then scan-converted, is the volume again.
+// A volume sampled along the beams and then scan-converted equals the volume.
 TEST(SampleAlongBeams, ScanConversionUndoesIt) {
   const ScanGeometry geometry = uneven_probe();
   const Grid grid = fan_grid(geometry, 2.0);

@@ -88,7 +88,7 @@ TEST(SweepAssembler, LateFramesAreDroppedAndASenderMayStartAnew) {
   ASSERT_EQ(stream.ended.size(), 2u);
   expect_equal(stream.ended[1], motorised(6));
 
-  // The same bag once more, then a sender that died within a sweep and counts from 0 again.
+  // The same bag is sent once more, then a sender that died within a sweep counts from 0 again.
   stream.send(frames);
   ASSERT_EQ(stream.ended.size(), 3u);
   stream.send({next.begin(), next.begin() + 3});
@@ -104,7 +104,7 @@ TEST(SweepAssembler, WhatChangesWithinASweepRefusesIt) {
     Frames frames = frames_of(motorised(6), 100.0);
     change(frames[4]);
     stream.send(frames);
-    EXPECT_EQ(stream.ended.size(), 1u);  // its other frames do not begin another sweep
+    EXPECT_EQ(stream.ended.size(), 1u);  // the sweep's other frames do not begin a new one
     EXPECT_FALSE(stream.ended[0].assembled);
     return stream.ended[0].message;
   };

@@ -57,7 +57,7 @@ TEST(SweepAssembler, LagShiftsPosesAndStamps) {
   EXPECT_EQ(stream.ended[0].assembled->stamps_ns.back(), 99'750'000'000);
   EXPECT_EQ(stream.dropped("no pose at the stamp minus image_lag"), 3u);
 
-  // A motor has no pose to shift; its volume was acquired earlier than its last stamp.
+  // A motor has no pose to shift; the volume was acquired the lag before its last stamp.
   stream.send(frames_of(motorised(6), 110.0, 1));
   ASSERT_EQ(stream.ended.size(), 2u);
   EXPECT_EQ(frame_count(stream.ended[1]), 6);
@@ -103,7 +103,7 @@ TEST(SweepAssembler, PosesThatWereLookedUpCountAndFramesWithoutAreMissing) {
   EXPECT_THAT(stream.ended[1].message, HasSubstr("10 of them for want of a pose"));
 }
 
-/// The lag is in them already.
+/// Poses that were looked up are already corrected for the lag.
 TEST(SweepAssembler, PosesThatWereLookedUpAreNotShifted) {
   AssemblyOptions options;
   options.image_lag_s = 0.25;

@@ -48,7 +48,7 @@ TrackedImages images() {
   return images;
 }
 
-/// What is known of parallel beams has the brightness of where it lies.
+/// Each known sample of parallel beams has the brightness of its position.
 template <typename Expected>
 void expect_brightness(const BeamUltrasound& us, const Expected& expected) {
   std::size_t i = 0;

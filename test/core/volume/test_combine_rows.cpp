@@ -10,7 +10,7 @@ namespace usct::test {
 namespace {
 
 constexpr std::size_t kRows = 7;
-/// Past four vectors of every instruction set, so that every remainder of lanes occurs.
+/// More than four vectors of every instruction set, so that every remainder of lanes occurs.
 constexpr std::size_t kMostCount = 150;
 
 template <typename T>

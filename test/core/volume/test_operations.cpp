@@ -21,7 +21,7 @@ Eigen::Matrix3d random_rotation() {
   return Eigen::AngleAxisd(uniform(-3, 3), axis.normalized()).toRotationMatrix();
 }
 
-/// Any valid grid: oblique, permuted, flipped.
+/// A random valid grid: oblique, permuted, flipped.
 Grid random_grid(int min_size, int max_size) {
   Grid grid;
   for (int a = 0; a < 3; ++a) {
@@ -82,7 +82,7 @@ TEST(Grid, ValidationNamesTheValueAndTheConstraint) {
 }
 
 RC_GTEST_PROP(Resample, KeepsAnAffineFunctionUnderAnyPose, ()) {
-  // The source covers the target whatever the poses are, so every sample is interpolated.
+  // The source covers the target for all poses, so that every sample is interpolated.
   Grid source_grid = random_grid(20, 24);
   source_grid.spacing_mm.setConstant(2.0);
   const Eigen::Vector3d gradient(uniform(-2, 2), uniform(-2, 2), uniform(-2, 2));
@@ -226,8 +226,8 @@ RC_GTEST_PROP(SmoothGaussian, EqualsTheDirectSumOnAnyRegion, ()) {
 }
 
 RC_GTEST_PROP(Shrink, KeepsAnAffineFunctionAwayFromTheEdges, ()) {
-  // A symmetric kernel about the block's centre leaves an affine function as it is, if and only if
-  // the voxels of the result are said to be where the blocks' centres are.
+  // A symmetric kernel about the block's centre preserves an affine function if and only if the
+  // voxels of the result are placed at the blocks' centres.
   Grid grid = random_grid(40, 44);
   grid.spacing_mm = grid.spacing_mm.cwiseMin(1.0);
   const Eigen::Vector3d gradient(uniform(-2, 2), uniform(-2, 2), uniform(-2, 2));

@@ -40,7 +40,7 @@ void provide_agar(RegistrationClient& client, unsigned revision) {
   client.send(agar_ultrasound(now));
   ASSERT_TRUE(
       eventually([&] { return client.set(test::nearby(agar()), "us").status.code == Status::OK; }));
-  // A goal that cannot be registered says what is held.
+  // The refusal of a goal names the volumes that the node holds.
   ASSERT_TRUE(eventually([&] {
     msg::RegisterGoal goal;
     goal.us_stamp = now;

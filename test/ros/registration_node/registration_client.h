@@ -46,7 +46,7 @@ msg::PreScanVolume agar_ultrasound(const ::ros::Time& stamp, const std::string& 
 bool is_zero(const geometry_msgs::Transform& transform);
 /// Distance of the result's pose from the truth of the case `agar`.
 double error_mm(const Result& result);
-/// What a shell command prints, and its exit status.
+/// The output of a shell command, and its exit status.
 std::string output_of(const std::string& command);
 
 /// One registration node, as its users see it.
@@ -82,7 +82,7 @@ class RegistrationClient {
     EXPECT_EQ(call.response.message, call.response.result.status.message);
     return call.response.result;
   }
-  /// A message that was sent may not have arrived yet.
+  /// Waits for a condition, since a message that was sent may not have arrived yet.
   template <typename Condition>
   Result call_until(Condition&& condition) {
     Result result;
@@ -120,7 +120,7 @@ class RegistrationClient {
  private:
   mutable std::mutex mutex_;
   std::vector<Result> published_;
-  ::ros::Subscriber results_;  // last: it ends first, and with it the calls that use what is above
+  ::ros::Subscriber results_;  // last: its callback uses the members above
 };
 
 Result goal_result(RegistrationClient& client, const msg::RegisterGoal& goal);

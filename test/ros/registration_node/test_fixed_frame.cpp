@@ -17,7 +17,7 @@ using Eigen::Isometry3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// Says all the time where the ultrasound's frame is in "patient".
+/// Broadcasts the pose of the ultrasound's frame in "patient" all the time.
 class Tracking {
  public:
   using Pose = std::function<Isometry3d(double time_s)>;
@@ -91,7 +91,7 @@ TEST(Registration, ResultIsAnchoredInTheFixedFrame) {
                   .isApprox(kPatientUs * from_message_mm(result.transform, "result"), 1e-6));
 }
 
-/// The patient's phantom, as tracked frames: in a frame that moves, they say the same.
+/// The patient's phantom as tracked frames, at the same positions in "patient" for any US frame.
 msg::PreScanVolume seen_from(const Isometry3d& T_patient_us, const ::ros::Time& stamp) {
   static const phantom::PhantomCase patient = phantom::make_phantom(
       test::small_phantom(phantom::SceneKind::kPatient, phantom::SweepKind::kTrackedCurvilinear));
@@ -142,7 +142,7 @@ TEST(Registration, ContinuousNodeletFollowsTheProbe) {
     const Isometry3d T_patient_us = tracking.T_patient_us(result.us_stamp);
     const Isometry3d found = from_message_mm(result.fixed_transform, "result");
     EXPECT_LT(images.error_mm(kPatientUs.inverse() * found), 2.0 * kGoodMm);
-    // tf interpolates between poses that are hundredths of seconds apart.
+    // Poses are some 10 ms apart, and tf interpolates between them.
     EXPECT_LT(images.error_mm(kPatientUs.inverse() * T_patient_us * T_us_ct), 2.5 * kGoodMm);
     moved_mm =
         std::max(moved_mm, (T_us_ct.translation() -

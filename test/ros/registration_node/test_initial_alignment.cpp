@@ -19,8 +19,7 @@ TEST(Registration, NoInitialAlignmentIsRefused) {
               HasSubstr("allow_global is false"));
 }
 
-/// The CT turned so that the way the probe looked, which is all that the node knows, is 20 degrees
-/// off.
+/// The CT is rotated so that the probe's direction, all that the node knows, is 20 degrees off.
 TEST(Registration, GlobalSearchIfAllowed) {
   RegistrationClient client("anywhere");
   const Isometry3d rough = rough_pose(agar().ct.grid, agar().us.beams, ProbeDirection{});

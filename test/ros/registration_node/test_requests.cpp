@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// A latched message of the type's name with other fields.
+/// Latches a message whose type has the right name and other fields.
 ::ros::Publisher publish_other_definition(::ros::NodeHandle& node, const std::string& topic,
                                           const std::string& datatype) {
   std_msgs::String text;
@@ -93,7 +93,7 @@ TEST(Registration, EmptyCallsFromEverywhereRegister) {
   Vector3d translation_m;
   printed >> code >> translation_m.x() >> translation_m.y() >> translation_m.z();
   EXPECT_EQ(code, Status::REGISTERED) << printed.str();
-  // The same bits, however it is called.
+  // A call from the shell gives the same result.
   const auto& t = result.transform.translation;
   EXPECT_LT((translation_m - Vector3d(t.x, t.y, t.z)).norm(), 1e-9);
 }
@@ -179,7 +179,7 @@ void start_long_goal(RegistrationClient& client) {
   ASSERT_TRUE(eventually([&] { return registering.load(); }));
 }
 
-/// From the request to cancel until the result is there.
+/// Time from the request to cancel until the result arrives.
 double cancel_ms(RegistrationClient& client) {
   const ::ros::WallTime begin = ::ros::WallTime::now();
   client.action.cancelGoal();

@@ -31,8 +31,8 @@ TEST(Registration, WrongParametersEndTheNodeNamingThem) {
 
 void ignore(const std_msgs::String::ConstPtr&) {}
 
-/// A node that cannot start must not take others of the same nodelet manager with it. Here another
-/// subscriber of the process has the node's topic with another type, which is found out late in the
+/// A node that cannot start must not end others of the same nodelet manager. Here another
+/// subscriber of the process has the node's topic with another type, which shows only late in the
 /// constructor.
 TEST(Registration, ANodeThatCannotStartEndsWithAnException) {
   ::ros::NodeHandle node("conflict");

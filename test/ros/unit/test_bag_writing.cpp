@@ -104,7 +104,7 @@ TEST(AcquisitionBag, TheRobotHoldsTheProbeDuringTheSweepAndThenTakesItAway) {
   write_and_listen({{motorised(), T_fixed_us, {}}}, {}, options_at(100.0), heard);
   for (const double time_s : {100.0, 100.3, 100.75})
     EXPECT_TRUE(heard.T_mm("patient", "us", time_s).isApprox(T_fixed_us, kToleranceMm)) << time_s;
-  // 100 mm back along its axis, and nothing else.
+  // The probe is 100 mm back along its axis, and not rotated.
   const Isometry3d away = T_fixed_us.inverse() * heard.T_mm("patient", "us", heard.end.toSec());
   EXPECT_TRUE(away.isApprox(Isometry3d(Eigen::Translation3d(0.0, -100.0, 0.0)), 1e-6));
   const Isometry3d arriving = T_fixed_us.inverse() * heard.T_mm("patient", "us", 97.6);
@@ -169,7 +169,7 @@ TEST(AcquisitionBag, PosesOfATrackedSweepAreInTheFramesOrInTf) {
     EXPECT_EQ(in_tf.frames[i].header.frame_id, "us_array");
     EXPECT_TRUE(in_tf.T_mm("us", "us_array", time_s).isApprox(sweep.T_us_frame[i], 1e-9));
   }
-  // The frame that the poses map to stays where it is when the array moves away.
+  // The US frame, to which the poses map, does not move when the array moves away.
   EXPECT_EQ(in_tf.static_transforms, 1u);
   const Isometry3d away =
       sweep.T_us_frame[3].inverse() * in_tf.T_mm("us", "us_array", in_tf.end.toSec());

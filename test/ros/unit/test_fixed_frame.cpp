@@ -132,7 +132,8 @@ TEST_F(FixedFrameTest, IsCompleteOnceTfIsPastTheWindow) {
   EXPECT_TRUE(frame().is_complete(us_at(100.0)));
 }
 
-/// Standing still, then elsewhere: before or after the stamp, by way or by angle.
+/// The frame stands still, then is elsewhere: before or after the stamp, by translation or
+/// rotation.
 TEST_F(FixedFrameTest, JumpsOnEitherSideAreRefused) {
   options_.jump_window_s = 0.2;
   for (const double jump_at : {99.9, 100.1})

@@ -192,13 +192,13 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   know(98.0, 0.0);
   know(99.0, 0.0);
-  // A verdict that was reached in time is kept.
+  // A refusal that was decided in time is kept.
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)));
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
 }
 
-/// It is given out as soon as tf reaches its stamp; its result waits.
+/// The volume is available as soon as tf reaches its stamp; its result waits.
 TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
   options_.tf_timeout_s = 60.0;
   volumes_.emplace(with_tf_, options_, [] {});
@@ -221,7 +221,8 @@ TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
   EXPECT_EQ(asked, 3);
 }
 
-/// Faster than tf, more than are kept: those that wait longest still become ready.
+/// Volumes arrive faster than tf, and more than are kept; those that wait longest still become
+/// ready.
 TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
   options_.tf_timeout_s = 600.0;
   options_.ultrasound_volumes = 2;

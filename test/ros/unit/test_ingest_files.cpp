@@ -28,7 +28,7 @@ TEST(WatchedFolder, TakesAFileOnceWhenItHasStoppedGrowing) {
   write(folder.path() / "a", "1");
   EXPECT_THAT(watched.take(1.0), IsEmpty());
   write(folder.path() / "a", "2");
-  EXPECT_THAT(watched.take(2.0), IsEmpty());  // it has grown
+  EXPECT_THAT(watched.take(2.0), IsEmpty());  // the file has grown
   EXPECT_THAT(watched.take(2.9), IsEmpty());
   EXPECT_THAT(watched.take(3.0), ElementsAre(folder.path() / "a"));
   EXPECT_THAT(watched.take(9.0), IsEmpty());

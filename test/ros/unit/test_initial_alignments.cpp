@@ -96,7 +96,7 @@ TEST_F(InitialAlignmentsTest, FirstThatExistsCounts) {
 
 TEST_F(InitialAlignmentsTest, SetLastsUntilClearedOrAResultIsAccepted) {
   set(pose("us", 2.0), 50.0);
-  accept(msg::Alignment::ACCEPTED, 1005.0, 20.0);  // before it was set
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20.0);  // before the alignment was set
   EXPECT_EQ(chosen(), "set 2");
   accept(msg::Alignment::RESTORED, 1005.0, 60.0);
   EXPECT_EQ(chosen(), "set 2");
@@ -142,7 +142,7 @@ TEST_F(InitialAlignmentsTest, LandmarksAreAligned) {
   }
   EXPECT_NEAR(set(request), 0.0, 1e-9);
   EXPECT_EQ(chosen(), "set 12");
-  // Away from each other in x: no rigid motion brings both pairs together.
+  // The points move apart in x: no rigid motion brings both pairs together.
   request.points.resize(3);
   request.points_ct.resize(3);
   request.points[1].x += 0.003;

@@ -14,7 +14,7 @@ namespace {
 using Result = us_ct_registration::RegistrationResult;
 using testing::HasSubstr;
 
-/// Runs nothing, and says which request it was.
+/// Runs nothing, and returns the name of the request as its result.
 RegistrationWorker::Work named_results() {
   RegistrationWorker::Work work;
   work.run = [](RegistrationJob& job) {
@@ -25,7 +25,7 @@ RegistrationWorker::Work named_results() {
   return work;
 }
 
-/// Registers until it is cancelled.
+/// Work that lasts until it is cancelled.
 RegistrationWorker::Work endless(std::atomic<int>& begun) {
   RegistrationWorker::Work work;
   work.run = [&begun](RegistrationJob& job) {
@@ -111,7 +111,8 @@ TEST(RegistrationWorker, ItsEndCancelsWhatRunsAndAnswersWhatWaits) {
   EXPECT_THAT(queue.reserve("late").value_or(""), HasSubstr("shutting down"));
 }
 
-/// A constructor that fails destroys its members: a thread that nobody joins would end the process.
+/// A constructor that fails destroys its members: a thread that is not joined would end the
+/// process.
 TEST(RegistrationWorker, EndsWithTheOwnerWhoseConstructorThrows) {
   struct Owner {
     Owner() : worker(queue, named_results()) { throw std::runtime_error("no master"); }

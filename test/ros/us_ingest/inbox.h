@@ -21,7 +21,7 @@ inline bool wait_for(const std::function<bool()>& condition) {
   return true;
 }
 
-/// The messages of a topic, as they come.
+/// The messages of a topic, in the order of arrival.
 template <typename Message>
 class Inbox {
  public:
@@ -39,7 +39,7 @@ class Inbox {
   bool wait(std::size_t count) const {
     return wait_for([&] { return all().size() >= count; });
   }
-  /// Of two messages that are sent before this, only the last may come, as it is latched.
+  /// The topic is latched: of messages that were sent before the connection only the last arrives.
   bool wait_for_publisher() const {
     return wait_for([&] { return subscriber_.getNumPublishers() > 0; });
   }

@@ -22,7 +22,7 @@ namespace msg = us_ct_registration;
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-/// A node of its own, interrupted with the end of the test.
+/// A node as a process of its own, interrupted at the end of the test.
 class Process {
  public:
   explicit Process(const std::vector<std::string>& arguments) {
@@ -101,7 +101,8 @@ TEST(Folder, TakesWholeFilesNamesBadOnesAndGoesOn) {
                          "_folder_period:=0.05", "_folder_settle:=2.0"});
   ASSERT_TRUE(wait_for_diagnostics(diagnostics, "watching", diagnostic_msgs::DiagnosticStatus::OK,
                                    "waiting"));
-  // Half of a file, at which the node looks many times until it next reports, then the rest.
+  // Half of a file is written, at which the node looks many times until its next report, then the
+  // rest.
   std::ofstream half(folder.path() / "half.nrrd", std::ios::binary);
   half << bytes.substr(0, bytes.size() / 2) << std::flush;
   const std::size_t reports = diagnostics.all().size();

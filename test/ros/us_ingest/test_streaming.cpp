@@ -46,7 +46,7 @@ class Streaming : public testing::TestWithParam<const char*> {
         tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)) {
     EXPECT_TRUE(wait_for([&] { return frames_.getNumSubscribers() == 1; }));
     EXPECT_TRUE(volumes_.wait_for_publisher());
-    // A volume of an earlier test is latched and comes first.
+    // A volume of an earlier test is latched and arrives first.
     const int earlier = streamed[space_] > 0 ? 1 : 0;
     EXPECT_TRUE(volumes_.wait(static_cast<std::size_t>(earlier)));
     first_ = volumes_.all().size();
@@ -112,7 +112,7 @@ TEST_P(Streaming, TrackedFramesGetTheirPosesFromTfThatComesLater) {
     frame.pose = geometry_msgs::Pose();
   }
   send(frames);
-  // A steady motion of 2 m/s along y, seen between the frames: what is asked for is interpolated.
+  // The motion is a steady 2 m/s along y, with poses between the frames, so that tf interpolates.
   for (int i = -1; i <= kFrames; ++i) {
     tf2_msgs::TFMessage message;
     message.transforms.resize(1);

@@ -15,7 +15,7 @@
 /// No patient identifier and no free text leaves the reader. Messages hold file names, UIDs,
 /// geometry and the values of technical fields only.
 ///
-/// Files without DICOM content are passed over and counted. A file that claims to be DICOM (by its
+/// Files without DICOM content are skipped and counted. A file that claims to be DICOM (by its
 /// content, or by the extension .dcm or .ima) and cannot be read is an error, because it might be a
 /// slice.
 namespace usct {
@@ -33,7 +33,7 @@ struct DicomSeries {
   /// for these.
   bool is_ct = false;
   int files = 0;
-  /// Images, or frames of multi-frame images, without localizers.
+  /// Number of images, or of frames of multi-frame images, without localizers.
   int slices = 0;
   int columns = 0;
   int rows = 0;
@@ -42,25 +42,25 @@ struct DicomSeries {
   /// Distance between columns, between rows, and between slices by their positions (the median if
   /// they are uneven; 0 for a single slice).
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Zero();
-  /// Why read_dicom_ct would refuse the series, or what it would have to resample.
+  /// Reasons why read_dicom_ct would refuse the series, or would have to resample it.
   std::vector<std::string> problems;
   /// The first of its files by name.
   std::filesystem::path first_file;
 };
 
 struct DicomReadOptions {
-  /// The series to read; required where there are several of CT. Empty: the only one.
+  /// The series to read; required if there are several CT series. Empty: the only one.
   std::string series_uid;
 
   /// Only images with this AcquisitionNumber are read, for series with several scans of the same
   /// region (phases of contrast).
   std::optional<int> acquisition_number;
 
-  /// What to do with slices that are not on a regular grid: gantry tilt, uneven spacing, missing
+  /// Treatment of slices that are not on a regular grid: gantry tilt, uneven spacing, missing
   /// slices. false: refuse. true: interpolate linearly between the slices' true positions onto a
   /// regular grid, with a warning that says so. Its axes are the slices' axes and their normal, its
-  /// slice spacing the smallest one between neighbours; it covers all slices, and holds -1024 HU
-  /// where none is.
+  /// slice spacing the smallest one between neighbours; it covers all slices, and is -1024 HU where
+  /// there is no slice.
   bool resample_irregular = false;
 
   /// Greatest distance of a slice from its place on the regular grid, as a fraction of the slice
@@ -96,24 +96,24 @@ std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
 /// comes from the positions. Voxels are Hounsfield units, by each slice's own rescale slope and
 /// intercept, rounded to nearest; values outside int16 are an error. Padding (PixelPaddingValue)
 /// below -1024 HU becomes -1024 HU, the value of air. Localizers, other modalities and files that
-/// are no CT images are passed over with a warning. Of slices at the same place with the same
-/// pixels one is taken, with a warning; different pixels are an error.
+/// are no CT images are skipped with a warning. Of slices at the same place with the same pixels
+/// one is used, with a warning; different pixels are an error.
 ///
-/// Throws InputError, naming the file or the series and what is wrong, for all that cannot be read
+/// Throws InputError, naming the file or the series and the fault, for files that cannot be read
 /// and, unless options.resample_irregular, for slices that are not on a regular grid.
 LoadedCt read_dicom_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                        const Progress& progress = {});
 
-/// The CT at `path`, whatever it is: a folder of DICOM files or a DICOM file (see read_dicom_ct),
-/// or an image file (see volume_io.h; `options` does not matter then). Throws InputError.
+/// The CT at `path`, which is a folder of DICOM files, a DICOM file (see read_dicom_ct), or an
+/// image file (see volume_io.h; `options` are not used then). Throws InputError.
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                  const Progress& progress = {});
 
 /// Whether the path is a folder, or a file that begins as DICOM files do (a preamble of 128 bytes,
-/// then "DICM"). False for anything else, also for what cannot be opened.
+/// then "DICM"). False for anything else, also for a file that cannot be opened.
 bool is_dicom(const std::filesystem::path& path);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_dicom(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -9,8 +9,8 @@
 /// mm), `similarity`, `overlap`, `covariance` (36 numbers, row by row, of the motion
 /// `p_us -> p_us + w x p_us + t` about the origin of the US frame, in the order w rad, t mm),
 /// `candidates` (objects with `T_us_ct`, `similarity`, `overlap`), `measures` (numbers by name),
-/// `evaluations`, `seconds` (by stage), `options` (by name, as text), `version`. What is not known
-/// is null; `T_us_ct` is null unless status is "registered".
+/// `evaluations`, `seconds` (by stage), `options` (by name, as text), `version`. Unknown values are
+/// null; `T_us_ct` is null unless status is "registered".
 namespace usct {
 
 /// Throws InputError, naming file and key: for a file that is not such JSON; for a key that is
@@ -21,11 +21,11 @@ RegistrationResult read_result(const std::filesystem::path& path);
 /// The text of such a file. Throws InputError for a result that `read_result` would refuse.
 std::string result_json(const RegistrationResult& result, const std::string& source = "result");
 
-/// Atomic. Numbers come back bit by bit. Throws InputError for a result that `read_result` would
-/// refuse, or if the folder cannot be written to.
+/// Writes atomically. Reading gives the same numbers bit by bit. Throws InputError for a result
+/// that `read_result` would refuse, or if the folder cannot be written to.
 void write_result(const RegistrationResult& result, const std::filesystem::path& path);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_result(const std::filesystem::path& path);
 
 }  // namespace usct

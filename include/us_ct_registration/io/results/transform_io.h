@@ -14,7 +14,7 @@ namespace usct {
 /// Whether the extension is one of those above.
 bool has_transform_extension(const std::filesystem::path& path);
 
-/// Any linear ITK transform of three dimensions, or several composed, in single or double
+/// Reads any linear ITK transform of three dimensions, or several composed, in single or double
 /// precision, whose matrix is a rotation: Euler3D, VersorRigid3D, Similarity3D with scale 1,
 /// Affine, ...
 ///
@@ -23,13 +23,13 @@ bool has_transform_extension(const std::filesystem::path& path);
 /// the identity), naming determinant and deviation of one that is scaled, sheared or mirrored.
 Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path);
 
-/// Writes the inverse of T_us_ct as an AffineTransform in double precision: of all ITK's transforms
-/// the one that every program reads, and that needs no angles. It comes back within 1e-12. Atomic.
-/// Throws InputError if the extension is unknown, the folder cannot be written to, or T_us_ct is
-/// not rigid.
+/// Writes the inverse of T_us_ct, atomically, as an AffineTransform in double precision: the ITK
+/// transform that every program reads, and that needs no angles. Reading it gives the same
+/// transform within 1e-12. Throws InputError if the extension is unknown, the folder cannot be
+/// written to, or T_us_ct is not rigid.
 void write_T_us_ct(const Eigen::Isometry3d& T_us_ct, const std::filesystem::path& path);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_transform(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -32,7 +32,7 @@ using IgsioTransforms = std::map<std::string, IgsioTransform>;
 struct IgsioFrame {
   /// Seconds, on the recorder's own clock.
   std::optional<double> timestamp_s;
-  /// As in the file: "OK", "INVALID", ...; empty if the file has none.
+  /// Status as in the file: "OK", "INVALID", ...; empty if the file has none.
   std::string image_status;
   IgsioTransforms transforms;
   /// All other fields of the frame, as text.
@@ -64,7 +64,7 @@ struct IgsioSequence {
 };
 
 /// Whether the file is a MetaImage with fields of a sequence, as opposed to a plain volume. False
-/// for anything else, also for what cannot be opened.
+/// for anything else, also for a file that cannot be opened.
 bool is_igsio(const std::filesystem::path& path);
 
 /// Reads two axes (one frame) or three (the last is time), 8-bit unsigned or 16-bit signed, one
@@ -88,8 +88,8 @@ IgsioTransforms read_plus_calibration(const std::filesystem::path& path);
 /// T_to_from, through the frame's transforms and the `calibration`, forwards or backwards, by the
 /// fewest links. A calibration takes precedence over a transform of the same name in the frame.
 ///
-/// Throws InputError, naming `source`: if no valid links connect the two, it names the ones that
-/// would if they were valid, or else the frames that `from` does connect to.
+/// Throws InputError, naming `source`, if no valid links connect the two. The message names links
+/// that would connect them if they were valid, or else the frames to which `from` is connected.
 Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& calibration,
                                 const std::string& from, const std::string& to,
                                 const std::string& source);
@@ -113,7 +113,7 @@ OrientedImage oriented_frame(const IgsioSequence& sequence, int frame,
 PreScanVolume to_prescan(const IgsioSequence& sequence, const ProbeConfig& probe,
                          const TrackedSweep& sweep, const std::string& source);
 
-/// For the table of formats: see UltrasoundFormat and FileFormat::describe.
+/// Entries in the table of formats: see UltrasoundFormat and FileFormat::describe.
 ///
 /// Frames before scan conversion need a probe and become a PreScanVolume. B-mode images become
 /// TrackedImages; or a PreScanVolume, resampled along the beams, if the probe, its place in the

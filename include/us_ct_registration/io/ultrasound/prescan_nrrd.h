@@ -23,12 +23,12 @@
 /// | `frame_times_s` | tracked, optional: one per frame |
 /// | `acquisition_time` | optional: ISO 8601 in UTC, for example 2024-05-17T09:30:00Z |
 ///
-/// Values in millimetres and seconds come back bit by bit; angles, which pass through degrees,
-/// within two units in the last place.
+/// Reading gives values in millimetres and seconds bit by bit, and angles, which pass through
+/// degrees, within two units in the last place.
 namespace usct {
 
-/// Whether the file is a NRRD with the key `usct_geometry`. False for anything else, also for what
-/// cannot be opened.
+/// Whether the file is a NRRD with the key `usct_geometry`. False for anything else, also for a
+/// file that cannot be opened.
 bool is_prescan_nrrd(const std::filesystem::path& path);
 
 /// Reads NRRD0001 to NRRD0005, raw or gzip, data attached or in one file in the same folder.
@@ -43,7 +43,7 @@ PreScanVolume read_prescan_nrrd(const std::filesystem::path& path);
 /// cannot be written to.
 void write_prescan_nrrd(const PreScanVolume& volume, const std::filesystem::path& path);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_prescan_nrrd(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -35,9 +35,9 @@ struct ProbeMotor {
   double motor_radius_mm = 0.0;
   /// One step of the motor; empty if the frame angles are a table.
   std::optional<double> step_rad;
-  /// Empty if the data file has to say it (a Propello file does).
+  /// Empty if the data file states it (a Propello file does).
   std::optional<int> steps_per_frame;
-  /// One per frame of a sweep in the first direction; empty if they follow from the steps.
+  /// One angle per frame of a sweep in the first direction; empty if they follow from the steps.
   std::vector<double> frame_angles_rad;
   /// Travel during one frame in the direction of the sweep, >= 0.
   double frame_travel_rad = 0.0;
@@ -67,9 +67,8 @@ struct ProbeConfig {
 /// another kind of probe, contradicted by another, of the wrong type, or out of range.
 ProbeConfig read_probe_config(const std::filesystem::path& path);
 
-/// Writes the whole file anew, atomically, each key with a comment; the tool that calibrates the
-/// motor ends with this. Evenly spaced lines (within 1e-12 of a radian or millimetre) are written
-/// as a pitch.
+/// Writes the whole file anew, atomically, each key with a comment; used by the calibration of the
+/// motor. Evenly spaced lines (within 1e-12 of a radian or millimetre) are written as a pitch.
 void write_probe_config(const ProbeConfig& probe, const std::filesystem::path& path);
 
 /// The part of the geometry that a data file states itself, beside the probe's configuration.
@@ -80,7 +79,8 @@ struct RecordedFrames {
   std::optional<double> sampling_frequency_hz;
   /// The angle between frames in whole thousandths of a degree, truncated (Propello).
   std::optional<int> frame_pitch_millidegrees;
-  /// The sweep runs against the first direction: frame angles in reverse order, travel negative.
+  /// Whether the sweep runs against the first direction: frame angles in reverse order, travel
+  /// negative.
   bool backward = false;
 };
 
@@ -99,7 +99,7 @@ ScanGeometry motorised_geometry(const ProbeConfig& probe, const RecordedFrames& 
 ScanGeometry tracked_geometry(const ProbeConfig& probe, const RecordedFrames& recorded,
                               const TrackedSweep& sweep, const std::string& source);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_probe_config(const std::filesystem::path& path);
 
 }  // namespace usct

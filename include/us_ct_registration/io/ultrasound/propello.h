@@ -33,30 +33,30 @@ struct PropelloVolumes {
   std::vector<std::uint8_t> voxels;
 };
 
-/// What a header type means, for messages.
+/// The meaning of a header type, for messages.
 std::string propello_type_name(std::int32_t type);
 
-/// Whether the file has such a header and exactly the size that it says. False for anything else,
-/// also for what cannot be opened.
+/// Whether the file has such a header and exactly the size that it states. False for anything else,
+/// also for a file that cannot be opened.
 bool is_propello(const std::filesystem::path& path);
 
 /// Throws InputError, naming file, field and constraint, if the type is not one that is read, a
-/// size is not positive, or the file's size is not what the header says.
+/// size is not positive, or the file's size does not follow from the header.
 PropelloVolumes read_propello(const std::filesystem::path& path);
 
 /// Writes atomically. Throws InputError if header and voxels do not fit each other.
 void write_propello(const PropelloVolumes& volumes, const std::filesystem::path& path);
 
-/// One volume. The motor sweeps without a stop, so that volumes alternate direction: volume 0 is in
-/// the direction of the probe's frame angles, unless `first_backward`. Frames stay in the order of
-/// recording: a backward volume has its motor angles in reverse order.
+/// One volume of a motorised probe. The motor sweeps without a stop, so that volumes alternate
+/// direction: volume 0 is in the direction of the probe's frame angles, unless `first_backward`.
+/// Frames stay in the order of recording: a backward volume has its motor angles in reverse order.
 ///
 /// `source` names the data in messages. Throws InputError as `motorised_geometry`, or if the type
 /// is not 0 or the volume does not exist.
 PreScanVolume to_prescan(const PropelloVolumes& volumes, const ProbeConfig& probe, int volume,
                          bool first_backward, const std::string& source);
 
-/// For the table of formats: see UltrasoundFormat and FileFormat::describe. Writing throws
+/// Entries in the table of formats: see UltrasoundFormat and FileFormat::describe. Writing throws
 /// InputError for what the header cannot state: a tracked sweep, or uneven motor angles.
 UltrasoundInput read_propello_ultrasound(const UltrasoundSource& source);
 void write_propello_beams(const PreScanVolume& volume, const std::filesystem::path& path);

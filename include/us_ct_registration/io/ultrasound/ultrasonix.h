@@ -11,8 +11,8 @@
 
 /// Files that Ultrasonix scanners save: `.bpr` and its family.
 ///
-/// A header of 19 int32, little-endian, then the frames. Software older than 6.0.0 puts an int32
-/// tag before each frame, which shows in the size of the file.
+/// A file has a header of 19 int32, little-endian, then the frames. Software older than 6.0.0 puts
+/// an int32 tag before each frame, which shows in the size of the file.
 ///
 /// | type | extension | content | read |
 /// |---|---|---|---|
@@ -49,15 +49,15 @@ struct UltrasonixSequence {
   std::vector<std::uint8_t> voxels;
 };
 
-/// What a header type means, for messages: "B before scan conversion (.bpr)", "unknown", ...
+/// The meaning of a header type, for messages: "B before scan conversion (.bpr)", "unknown", ...
 std::string ultrasonix_type_name(std::int32_t type);
 
 /// Whether the file has a header of this family and a size that fits it. False for anything else,
-/// also for what cannot be opened.
+/// also for a file that cannot be opened.
 bool is_ultrasonix(const std::filesystem::path& path);
 
 /// Throws InputError, naming file, field and constraint, if the type is not one that is read, a
-/// size is not positive, or the file's size is not what the header says, with or without frame
+/// size is not positive, or the file's size does not follow from the header, with or without frame
 /// tags.
 UltrasonixSequence read_ultrasonix(const std::filesystem::path& path);
 
@@ -68,16 +68,17 @@ void write_ultrasonix(const UltrasonixSequence& sequence, const std::filesystem:
 /// One sweep out of a recording of a motorised probe.
 struct SweepSelection {
   int index = 0;
-  /// 0: all frames are one sweep. Frames after the last whole sweep are left out.
+  /// Number of frames per sweep; 0: all frames are one sweep. Frames after the last whole sweep are
+  /// left out.
   int frames_per_sweep = 0;
-  /// Sweeps alternate direction: whether the first one runs against the probe's frame angles.
+  /// Whether the first sweep runs against the probe's frame angles; sweeps alternate direction.
   bool first_backward = false;
 };
 
-/// Frames stay in the order of recording: a backward sweep has its motor angles in reverse order.
-/// `source` names the data in messages. Throws InputError as `motorised_geometry`, or if the type
-/// is not 2, the sweep does not exist, or the sampling frequency is needed and not within 0.1-100
-/// MHz.
+/// One sweep of a motorised probe. Frames stay in the order of recording: a backward sweep has its
+/// motor angles in reverse order. `source` names the data in messages. Throws InputError as
+/// `motorised_geometry`, or if the type is not 2, the sweep does not exist, or the sampling
+/// frequency is needed and not within 0.1-100 MHz.
 PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                          const SweepSelection& selection, const std::string& source);
 
@@ -87,8 +88,8 @@ PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& 
 PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                          const TrackedSweep& sweep, const std::string& source);
 
-/// For the table of formats: see UltrasoundFormat and FileFormat::describe. The sampling frequency
-/// that is written is that of the sample spacing at 1540 m/s.
+/// Entries in the table of formats: see UltrasoundFormat and FileFormat::describe. The written
+/// sampling frequency is that of the sample spacing at 1540 m/s.
 UltrasoundInput read_ultrasonix_ultrasound(const UltrasoundSource& source);
 void write_ultrasonix_beams(const PreScanVolume& volume, const std::filesystem::path& path);
 std::string describe_ultrasonix(const std::filesystem::path& path);

@@ -9,39 +9,38 @@
 
 #include "us_ct_registration/ultrasound/ultrasound.h"
 
-/// The one function that opens ultrasound of any format, and the options that the formats need
-/// beside the file. Which format needs or can use which option stands in the table of formats
-/// (formats.h).
+/// The function that opens ultrasound of any format, and the options that the formats need beside
+/// the file. The table of formats (formats.h) lists the options that each format needs or can use.
 namespace usct {
 
-/// A file of ultrasound, and what its format leaves open. An option counts as given if its value
-/// differs from the default.
+/// A file of ultrasound, with information that its format lacks. An option counts as given if its
+/// value differs from the default.
 struct UltrasoundSource {
   std::filesystem::path path;
 
   /// Probe YAML: the geometry that headers of scanners lack.
   std::filesystem::path probe;
 
-  /// Which sweep (or volume) of a recording, from 0.
+  /// Index of the sweep (or volume) in a recording, from 0.
   int sweep = 0;
-  /// Frames of one sweep; 0 if the recording is one sweep.
+  /// Number of frames per sweep; 0 if the recording is one sweep.
   int frames_per_sweep = 0;
-  /// Sweeps alternate direction: whether the first one runs against the probe's frame angles.
+  /// Whether the first sweep runs against the probe's frame angles; sweeps alternate direction.
   bool first_backward = false;
 
   /// Plus configuration (XML) with calibrations; none if empty.
   std::filesystem::path calibration;
-  /// The chain of transforms that gives each frame its pose leads from the coordinate frame `from`,
-  /// of the image (or probe), to `to`, which becomes the US frame. An empty `from` means "Image"
-  /// for B-mode images and "Probe" for frames before scan conversion.
+  /// The pose of each frame follows from a chain of transforms from the coordinate frame `from`, of
+  /// the image (or probe), to `to`, which becomes the US frame. An empty `from` means "Image" for
+  /// B-mode images and "Probe" for frames before scan conversion.
   std::string from;
   std::string to = "Reference";
-  /// Leaves frames out whose image or pose is not marked valid (the warnings name each). Otherwise
-  /// such a frame is an error.
+  /// Whether frames are left out whose image or pose is not marked valid (the warnings name each).
+  /// Otherwise such a frame is an error.
   bool skip_invalid_frames = false;
 
-  /// Where the probe appears in B-mode images (see ImagePlacement), and the number of samples per
-  /// line, >= 2: with these and `probe`, the images are resampled along the beams.
+  /// Placement of the probe in B-mode images (see ImagePlacement), and the number of samples per
+  /// line, >= 2. If these and `probe` are given, the images are resampled along the beams.
   std::optional<Eigen::Vector2d> image_origin_px;
   std::optional<Eigen::Vector2d> image_spacing_mm;
   int samples = 0;
@@ -56,7 +55,7 @@ using UltrasoundField =
                  int UltrasoundSource::*, bool UltrasoundSource::*,
                  std::optional<Eigen::Vector2d> UltrasoundSource::*>;
 
-/// How users give one field of UltrasoundSource.
+/// The names by which users give one field of UltrasoundSource.
 struct UltrasoundOption {
   UltrasoundField field;
   const char* name;  // of the ROS parameter, and in messages
@@ -73,7 +72,7 @@ struct UltrasoundInput {
   std::vector<std::string> warnings;
 };
 
-/// Reads ultrasound of any format in the table. Throws InputError as the readers of each format do;
+/// Reads ultrasound of any format in the table. Throws InputError as the reader of the format does;
 /// if the file is not ultrasound; if an option is missing that the format needs; or if one is given
 /// that the format cannot use.
 UltrasoundInput read_ultrasound(const UltrasoundSource& source);

@@ -9,11 +9,11 @@
 /// Image volumes in NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd) and NIfTI-1 (.nii, .nii.gz).
 ///
 /// The format is chosen by the extension, and the content must agree with it. Positions are LPS
-/// millimetres, whatever the file uses. Readers are strict: a volume without a stated orientation,
-/// with sheared or not finite axes, with other than three dimensions or one value per voxel, or
-/// whose size does not match the size of its file, is refused; nothing is repaired and no default
-/// takes the place of what a header lacks. Sizes are checked against the file before memory is
-/// allocated, and checksums of compressed data are verified.
+/// millimetres in any case. Readers are strict: a volume without a stated orientation, with sheared
+/// or infinite axes, with other than three dimensions or one value per voxel, or whose size does
+/// not match the size of its file, is refused; nothing is repaired and no default replaces a
+/// missing field. Sizes are checked against the file before memory is allocated, and checksums of
+/// compressed data are verified.
 namespace usct {
 
 /// A summary of the header of a volume.
@@ -40,8 +40,8 @@ VolumeInfo read_volume_info(const std::filesystem::path& path);
 /// Reads a volume as T (uint8_t, int16_t, uint16_t or float).
 ///
 /// Stored values that T cannot hold are an InputError that names the range found; so are NaN, and
-/// for uint8_t and uint16_t fractions. Into int16_t, fractions are rounded to nearest, because CT
-/// is often stored as rescaled floating-point Hounsfield units.
+/// fractions if T is uint8_t or uint16_t. If T is int16_t, fractions are rounded to nearest,
+/// because CT is often stored as rescaled floating-point Hounsfield units.
 /// Throws InputError, naming file, field, value and constraint.
 template <typename T>
 Volume<T> read_volume(const std::filesystem::path& path);
@@ -54,7 +54,7 @@ Volume<T> read_volume(const std::filesystem::path& path);
 template <typename T>
 void write_volume(const Volume<T>& volume, const std::filesystem::path& path);
 
-/// For the table of formats: see FileFormat::describe.
+/// Entry in the table of formats: see FileFormat::describe.
 std::string describe_volume(const std::filesystem::path& path);
 
 }  // namespace usct

@@ -54,7 +54,7 @@ std::vector<std::int16_t> load_voxels(const std::string& source, const std::vect
     return io::read_dicom_hounsfield(*slice(i).file, slice(i).frame);
   };
   // A header may claim any size. Memory for all slices is allocated only after the pixels of one
-  // were read.
+  // slice were read.
   const std::size_t count = pixels_of(stacked.order.front()).size();
   std::vector<std::int16_t> voxels(count * stacked.order.size());
   const auto load = [&](int place) {

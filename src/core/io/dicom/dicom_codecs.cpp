@@ -32,7 +32,7 @@ constexpr Syntax kSyntaxes[] = {{"1.2.840.10008.1.2.4.50", Codec::kJpeg},  // ba
                                 {"1.2.840.10008.1.2.4.91", Codec::kJpeg2000},
                                 {"1.2.840.10008.1.2.5", Codec::kRle}};
 
-/// What the header of a stream of the JPEG family states.
+/// The format that the header of a stream of the JPEG family states.
 struct StreamFormat {
   int columns = 0;
   int rows = 0;
@@ -49,8 +49,8 @@ struct CheckedStream {
 };
 
 /// Checks a JPEG or JPEG-LS stream: up to the first scan it consists of segments, each of which
-/// begins with FF, a marker and a length. Segments of applications are left out of the result: they
-/// say nothing about a monochrome image, and some of them make GDCM end the program.
+/// begins with FF, a marker and a length. The result lacks the segments of applications: they do
+/// not matter for a monochrome image, and some of them make GDCM end the program.
 std::optional<CheckedStream> check_jpeg(const Bytes& stream) {
   constexpr int kScan = 0xda;
   if (stream.size() < 2 || stream[0] != 0xff || stream[1] != 0xd8) return std::nullopt;
@@ -102,8 +102,8 @@ std::optional<CheckedStream> check_jpeg_2000(const Bytes& stream) {
                        stream};
 }
 
-/// Whether the stream is complete. Codecs decode what there is of a stream that was cut short,
-/// without an error; every stream of the JPEG family ends with this marker.
+/// Whether the stream is complete. Codecs decode the rest of a truncated stream without an error;
+/// every complete stream of the JPEG family ends with this marker.
 bool has_end_marker(const Bytes& stream) {
   std::size_t size = stream.size();
   while (size > 0 && stream[size - 1] == 0) --size;  // padding to an even length

@@ -7,14 +7,13 @@
 #include <string>
 #include <vector>
 
-/// A strict parser of the structure of DICOM files (PS3.5, PS3.10). It never reads attributes that
-/// were not asked for, patient identifiers among them.
+/// A strict parser of the structure of DICOM files (PS3.5, PS3.10). It reads only the attributes
+/// that a caller asks for, and so never patient identifiers.
 ///
-/// It takes the place of a library's parser for two reasons. GDCM, as Debian builds it, ends the
-/// program at some files that are cut short, and makes up missing pixels in others. DCMTK 3.6.7
-/// passes our tests of truncation, but a file of 360 kB with 10,000 nested sequences overflows its
-/// stack and ends the program, and it reads headers 1.5 times as slowly
-/// (docs/experiments/2026-11-22-dicom-parser.md).
+/// It replaces the parser of a library for two reasons. GDCM, as Debian builds it, ends the program
+/// at some truncated files, and invents missing pixels in others. DCMTK 3.6.7 passes our tests of
+/// truncation, but a file of 360 kB with 10,000 nested sequences overflows its stack and ends the
+/// program, and it reads headers 1.5 times as slowly (docs/experiments/2026-11-22-dicom-parser.md).
 namespace usct::io {
 
 /// A DICOM attribute.
@@ -54,7 +53,7 @@ class DicomDataset {
                            const std::string& constraint) const;
   [[noreturn]] void refuse_missing(const Attribute& attribute) const;
 
-  /// The parser adds what it reads. Returns false if the tag is there already.
+  /// Adds an element that the parser read. Returns false if the tag exists already.
   bool add(std::uint32_t tag, std::string value) {
     return values_.emplace(tag, std::move(value)).second;
   }
@@ -75,8 +74,8 @@ struct ByteRange {
   std::uint64_t length = 0;
 };
 
-/// Where in the file the pixels are: in one range, or, if they are compressed, in fragments. The
-/// table of offsets that precedes the fragments is not among them.
+/// Location of the pixels in the file: one range, or, if they are compressed, their fragments,
+/// without the table of offsets that precedes them.
 struct DicomPixelData {
   bool encapsulated = false;
   std::vector<ByteRange> ranges;
@@ -95,9 +94,9 @@ struct DicomWanted {
   std::vector<Attribute> sequences;
 };
 
-/// Parses a file up to its pixels, of which it finds the place only. A file may lack the preamble
-/// of 128 bytes. Throws InputError, naming the file, the place and what is wrong, for anything that
-/// is not well-formed.
+/// Parses a file up to its pixels, which it only locates. A file may lack the preamble of 128
+/// bytes. Throws InputError, naming the file, the place and the fault, for anything that is not
+/// well-formed.
 DicomContent parse_dicom(const std::filesystem::path& path, const DicomWanted& wanted);
 
 /// The bytes of a part of a file. Throws InputError if they cannot be read.

@@ -99,7 +99,7 @@ DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
   if (modality != "CT") return DicomKind::kOtherModality;
   const bool ct = std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses), sop_class) !=
                   std::end(kCtSopClasses);
-  // Some anonymisers erase the class. Then the other attributes decide whether the file is an
+  // Some anonymisers erase the class. The other attributes then decide whether the file is an
   // image.
   return ct || sop_class.empty() ? DicomKind::kCtImage : DicomKind::kOtherCt;
 }
@@ -175,8 +175,8 @@ bool is_localizer(const DicomDataset& top, const FrameAttributes& frame) {
   return type.size() > 2 && type[2] == "LOCALIZER";
 }
 
-/// The geometry and scaling of a frame. A localizer never becomes a slice, so that these may be
-/// missing from it.
+/// The geometry and scaling of a frame. They may be missing in a localizer, which never becomes a
+/// slice.
 DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes,
                       std::vector<std::string>& warnings) {
   DicomFrame frame;

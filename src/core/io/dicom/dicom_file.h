@@ -34,7 +34,7 @@ struct DicomImages {
   std::optional<std::pair<long, long>> padding;
   std::vector<DicomFrame> frames;
   DicomPixelData pixels;
-  /// What is unusual but does not prevent reading.
+  /// Warnings about unusual content that does not prevent reading.
   std::vector<std::string> warnings;
 
   std::size_t frame_pixels() const {
@@ -59,9 +59,9 @@ struct DicomFile {
   std::string frame_of_reference_uid;
   std::string transfer_syntax_uid;
   std::optional<int> series_number;
-  /// Only for kCtImage. Without frames if `problem` is not empty.
+  /// Only for kCtImage; has no frames if `problem` is not empty.
   DicomImages images;
-  /// Why the images cannot be read: "'Rows' is 0, must be > 0".
+  /// Reason why the images cannot be read: "'Rows' is 0, must be > 0".
   std::string problem;
 };
 

@@ -39,7 +39,8 @@ void check_length(const DicomFile& file) {
                      std::to_string(images.columns) + " columns");
 }
 
-/// The compressed stream of one frame: its own fragment, or all fragments if there is one frame.
+/// The compressed stream of one frame: its own fragment, or all fragments if there is a single
+/// frame.
 Bytes frame_stream(const DicomFile& file, std::size_t frame) {
   const std::vector<ByteRange>& fragments = file.images.pixels.ranges;
   const std::size_t frames = file.images.frames.size();

@@ -29,7 +29,7 @@ std::string uid_text(const std::string& uid) {
   return uid.empty() ? "(no SeriesInstanceUID)" : in_quotes(uid).substr(1, uid.size());
 }
 
-/// Why the series would be refused, or what would have to be resampled.
+/// Reasons why the series would be refused or resampled.
 std::vector<std::string> problems_of(const Series& series, const std::vector<Slice>& slices,
                                      const SliceStack& stacked) {
   std::vector<std::string> problems;
@@ -128,7 +128,7 @@ namespace {
 
 using io::Json;
 
-/// A series without problems is read, so that its range is known and damage to its pixels shows.
+/// A series without problems is read, so that its range is known and damage to its pixels is found.
 void describe_voxels(const std::filesystem::path& path, const DicomSeries& series, Json& json) {
   DicomReadOptions options;
   options.series_uid = series.series_uid;

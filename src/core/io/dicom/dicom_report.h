@@ -5,8 +5,8 @@
 
 #include "io/dicom/dicom_series.h"
 
-/// What messages and `usct info` say of the series in a scan. File names, UIDs and geometry only:
-/// nothing that identifies a patient.
+/// Texts about the series in a scan, for messages and `usct info`. They hold file names, UIDs and
+/// geometry only, and nothing that identifies a patient.
 namespace usct::io {
 
 DicomSeries summarise(const Series& series);
@@ -14,7 +14,7 @@ DicomSeries summarise(const Series& series);
 /// One line per series, for a message that asks for a choice.
 std::string list_series(const std::vector<Series>& all);
 
-/// What was passed over or is unusual when `chosen` is read.
+/// Warnings about anything that is skipped or unusual when `chosen` is read.
 std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
                                      const Series& chosen);
 

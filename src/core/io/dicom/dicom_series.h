@@ -8,12 +8,12 @@
 #include "io/dicom/slice_stack.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 
-/// From a folder of files to the slices of one series.
+/// Selects the slices of one series from a folder of files.
 namespace usct::io {
 
-/// The files that a path stands for.
+/// The files of a path.
 struct DicomScan {
-  /// In the order of their paths.
+  /// Files in the order of their paths.
   std::vector<DicomFile> files;
   std::vector<std::filesystem::path> not_dicom;
 };
@@ -34,7 +34,7 @@ struct Series {
   bool is_ct() const { return !images.empty(); }
 };
 
-/// By series number (series without one come first), then UID.
+/// Series by their number (series without one come first), then UID.
 std::vector<Series> group_by_series(const DicomScan& scan);
 
 /// The series that the options choose. Throws InputError, listing all series, unless exactly one
@@ -56,8 +56,8 @@ std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& optio
 
 std::vector<SlicePose> poses_of(const std::vector<Slice>& slices);
 
-/// Slices that differ in their frame of reference form no stack, in addition to what
-/// `stack_slices` says.
+/// Stacks the slices as `stack_slices` does; slices with different frames of reference form no
+/// stack either.
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance);
 
 }  // namespace usct::io

@@ -4,17 +4,15 @@
 
 #include "io/dicom/slice_stack.h"
 
-/// What keeps ordered slices from lying on a regular grid, in words that name slices and
-/// millimetres.
+/// Descriptions, for messages, of the deviations of ordered slices from a regular grid.
 namespace usct::io {
 
-/// Adds to `stack.irregular` which slices are missing, or how the slice spacing varies, and sets
+/// Adds to `stack.irregular` the missing slices, or the variation of the slice spacing, and sets
 /// `stack.least_spacing_mm`. The spacing must vary by more than `tolerance`, a fraction of it.
 void report_uneven(const std::vector<SlicePose>& slices, double tolerance, SliceStack& stack);
 
-/// Adds to `stack.irregular` by how much the gantry was tilted: then the sideways shifts are in
-/// proportion to the depth. If they are not, within `tolerance_mm`, the slice that is off most is
-/// named.
+/// Adds to `stack.irregular` the tilt of the gantry if the sideways shifts are in proportion to the
+/// depth. If they are not, within `tolerance_mm`, it adds the slice with the largest deviation.
 void report_shifted(const std::vector<SlicePose>& slices, double tolerance_mm, SliceStack& stack);
 
 }  // namespace usct::io

@@ -36,7 +36,7 @@ Grid covering_grid(const std::string& source, const std::vector<SlicePose>& slic
   constexpr double kRounding = 1e-3;  // shifts below this, in voxels, do not enlarge the grid
   const SlicePose& first = slices[static_cast<std::size_t>(stack.order.front())];
   const double least_mm = stack.least_spacing_mm;
-  // The steps from the first slice to the last are a whole number, so that they may be a little
+  // The steps from the first slice to the last must be a whole number, so that they may be a little
   // shorter than the least spacing.
   const double steps = std::ceil(stack.depth_mm.back() / least_mm - 0.1);
   if (steps + 1.0 > kMostSlices)
@@ -78,7 +78,7 @@ CtVolume resample_stack(const std::string& source, const std::vector<SlicePose>&
     const auto b = static_cast<std::size_t>(above - stack.depth_mm.begin());
     const std::size_t a = b - 1;
     double weight = (depth - stack.depth_mm[a]) / (stack.depth_mm[b] - stack.depth_mm[a]);
-    // A position on one slice does not need its neighbour, which may not reach as far sideways.
+    // A position on one slice needs no neighbour, which may extend less far sideways.
     constexpr double kOnASlice = 1e-6;
     if (weight < kOnASlice) weight = 0.0;
     if (weight > 1.0 - kOnASlice) weight = 1.0;

@@ -100,7 +100,7 @@ double fit_steps(const std::vector<double>& values, double* begin, double* step)
   return worst;
 }
 
-/// Fits the grid to all slices, and reports what keeps them from lying on it.
+/// Fits the grid to all slices, and reports slices that deviate from it.
 void find_grid(const std::vector<SlicePose>& slices, double tolerance, SliceStack& stack) {
   const double tolerance_mm = tolerance * stack.spacing_mm;
   double begin = 0.0;

@@ -25,10 +25,10 @@ struct SlicePose {
 struct SliceStack {
   /// Indices into the slices given, one per distinct place.
   std::vector<int> order;
-  /// For each of `order`, the slices at the same place.
+  /// The slices at the same place, for each entry of `order`.
   std::vector<std::vector<int>> duplicates;
-  /// For each of `order`, from the first slice on: the distance along the normal, and the sideways
-  /// shift along the two axes.
+  /// Distance along the normal, and sideways shift along the two axes, from the first slice on; for
+  /// each entry of `order`.
   std::vector<double> depth_mm;
   std::vector<Eigen::Vector2d> shift_mm;
 
@@ -41,10 +41,9 @@ struct SliceStack {
   double least_spacing_mm = 0.0;
 
   /// Reasons why the slices form no grid at all (different sizes, spacings or directions, or a
-  /// single slice), and irregularities that resampling can repair (tilt, uneven spacing, missing
-  /// slices). The order is known only if `fatal` is empty.
+  /// single slice). The order is known only if this is empty.
   std::vector<std::string> fatal;
-  /// In words, what resampling can mend: tilt, uneven spacing, missing slices.
+  /// Irregularities that resampling can repair: tilt, uneven spacing, missing slices.
   std::vector<std::string> irregular;
 
   /// The grid that the slices form, fitted to all positions. Not meaningful if irregular.
@@ -57,7 +56,7 @@ constexpr double kSamePlaceMm = 1e-3;
 /// Distances between neighbours.
 std::vector<double> gaps_of(const std::vector<double>& depth_mm);
 
-/// Orders the slices and fits a grid to them. A slice may be away from its place on the grid by
+/// Orders the slices and fits a grid to them. A slice may deviate from its place on the grid by
 /// `tolerance`, a fraction of the spacing.
 SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance);
 

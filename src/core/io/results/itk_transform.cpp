@@ -38,7 +38,7 @@ std::unique_lock<std::mutex> lock_itk_transforms() {
 }
 
 /// The reader and writer for the extension. It is chosen here and not by ITK's factories, so that
-/// no factory has to be registered, and none that another library registers can interfere.
+/// no factory has to be registered and those of other libraries cannot interfere.
 itk::TransformIOBaseTemplate<double>::Pointer transform_io(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".tfm" || extension == ".txt")

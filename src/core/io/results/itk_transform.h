@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <string>
 
-/// ITK transform files, in plain numbers. ITK's headers include its own copy of Eigen, which cannot
+/// ITK transform files as plain numbers. ITK's headers include its own copy of Eigen, which cannot
 /// be included in one translation unit with the system's Eigen.
 namespace usct::io {
 
-/// p -> matrix * p + translation.
+/// The map p -> matrix * p + translation.
 struct LinearMap {
   std::array<std::array<double, 3>, 3> matrix;  // rows
   std::array<double, 3> translation;

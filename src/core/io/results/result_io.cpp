@@ -25,7 +25,7 @@ Json number_json(double value) { return std::isfinite(value) ? Json(value) : Jso
 
 Json pose_json(const Eigen::Isometry3d& T) { return matrix_json<4>(T.matrix()); }
 
-/// The members of one JSON object; in the end there may be no others.
+/// The members of one JSON object, which must be those in `names`.
 class Members {
  public:
   Members(const Json& object, std::string source, std::initializer_list<const char*> names)
@@ -176,7 +176,7 @@ std::string result_json(const RegistrationResult& result, const std::string& sou
   json["options"] = result.options;
   json["version"] = result.version;
   constexpr int kIndent = 2;
-  // Text from elsewhere (a file name in a message) need not be UTF-8; it must not cost the result.
+  // Text from outside (a file name in a message) need not be UTF-8, and must not prevent writing.
   return json.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

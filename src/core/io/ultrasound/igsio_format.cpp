@@ -66,7 +66,7 @@ Header parse_header(const Bytes& bytes, const std::string& source) {
   throw InputError(source, "header has no field 'ElementDataFile'");
 }
 
-/// Takes a field out of the header, which keeps the fields that are not understood, as text.
+/// Takes a field out of the header, in which only the unknown fields remain, as text.
 std::optional<std::string> take(Fields& fields, const std::string& name) {
   const auto node = fields.extract(name);
   return node.empty() ? std::nullopt : std::optional<std::string>(std::move(node.mapped()));

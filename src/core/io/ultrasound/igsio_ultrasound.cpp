@@ -1,4 +1,4 @@
-// From a tracked sequence to ultrasound with poses in the US frame, and back.
+// Conversion of a tracked sequence to ultrasound with poses in the US frame, and back.
 #include <algorithm>
 
 #include "io/description.h"
@@ -17,7 +17,7 @@ constexpr double kRigidTolerance = 1e-3;
 /// Options that place the beams of a probe in B-mode images.
 const std::vector<UltrasoundField> kImageOptions = {&Source::image_origin_px,
                                                     &Source::image_spacing_mm, &Source::samples};
-/// With these, B-mode images are resampled along the beams.
+/// Options with which B-mode images are resampled along the beams.
 const std::vector<UltrasoundField> kResamplingOptions = {
     &Source::probe, &Source::image_origin_px, &Source::image_spacing_mm, &Source::samples};
 
@@ -135,7 +135,7 @@ std::vector<std::int16_t> int16_values(const std::vector<std::uint8_t>& little_e
   return values;
 }
 
-/// Adds times and transforms: how many frames have a valid one of each name.
+/// Adds the times and, for each name of a transform, the number of frames with a valid one.
 void describe_frames(const std::vector<IgsioFrame>& frames, io::Json& json) {
   std::map<std::string, int> valid;
   int invalid_images = 0;

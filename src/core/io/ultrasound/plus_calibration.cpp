@@ -12,8 +12,8 @@
 namespace usct {
 namespace {
 
-/// Collects the Transform elements of CoordinateDefinitions. The parser is written in C, through
-/// which no exception may pass; errors are kept until it has returned.
+/// Collects the Transform elements of CoordinateDefinitions. The parser is written in C, and no
+/// exception may pass through it; errors are kept until it has returned.
 class CalibrationReader {
  public:
   explicit CalibrationReader(std::string source) : source_(std::move(source)) {}

@@ -16,7 +16,7 @@
 namespace usct {
 namespace {
 
-/// The key `usct_geometry` is looked for in this many bytes. Our writer puts it at the front; other
+/// The key `usct_geometry` is searched in this many bytes. Our writer puts it at the front; other
 /// programs sort the keys, so that tables of any length may come before it.
 constexpr std::size_t kPeekedBytes = std::size_t{1} << 20;
 

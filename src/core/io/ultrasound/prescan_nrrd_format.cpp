@@ -29,8 +29,8 @@ struct Sizes {
   int frames;
 };
 
-/// The key/value pairs of a header. The parser asks for each key by name, and refuses geometry keys
-/// that it did not ask for.
+/// The key/value pairs of a header. The parser asks for each key by name, and refuses all other
+/// geometry keys.
 class Keys {
  public:
   Keys(const std::map<std::string, std::string>& keys, std::string source)
@@ -53,7 +53,7 @@ class Keys {
                                     " entries, must have " + std::to_string(count));
     return values;
   }
-  /// Angles from a table, or from a pitch: then they are evenly spaced and centred on zero.
+  /// Angles from a table, or from a pitch, with which they are evenly spaced and centred on zero.
   std::vector<double> angles_rad(const std::string& table_key, const std::string& pitch_key,
                                  int count) {
     const bool has_table = find(table_key) != nullptr;
@@ -70,7 +70,7 @@ class Keys {
   }
 
  private:
-  /// Other programs may add keys of their own, but a misspelt key of ours must not pass as one of
+  /// Other programs may add keys of their own, but a misspelt geometry key must not pass as one of
   /// these.
   static bool looks_like_geometry(std::string_view key) {
     constexpr std::array<std::string_view, 6> kUnits = {"_mm", "_deg", "_rad", "_s", "_m", "_hz"};
@@ -238,7 +238,7 @@ PreScanVolume parse_prescan_nrrd(Bytes bytes, const std::string& source,
                                  const ReadDetached& read_detached) {
   const NrrdHeader header = parse_nrrd_header(bytes, source);
   Keys keys(header.keys, source);
-  keys.text(kGeometryKey);  // the first message for any other NRRD is that this key is missing
+  keys.text(kGeometryKey);  // for any other NRRD, the message is that this key is missing
   check_type(header, source);
   const Sizes sizes = parse_sizes(header, source);
   const std::uint64_t expected =

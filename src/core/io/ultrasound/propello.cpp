@@ -30,7 +30,7 @@ double even_pitch_rad(const std::vector<double>& angles_rad, const std::string& 
 bool is_propello(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kPropelloHeaderBytes);
-    std::error_code error;  // on an error the size is the largest number, which fits no header
+    std::error_code error;  // on an error the size is the largest integer, which fits no header
     const std::uintmax_t size = std::filesystem::file_size(path, error);
     io::parse_propello_header(prefix, size, path.string());
     return true;

@@ -19,7 +19,7 @@ struct Link {
 
 /// Adds the links of one transform: "ProbeToTracker" links Probe and Tracker in both directions. A
 /// name with several "To" before a capital ("ToolToToTable") is split at each of them; a wrong
-/// split does no harm, because it leads to coordinate frames that no other transform knows.
+/// split does no harm, because no other transform knows its coordinate frames.
 void add_links(const std::string& name, const IgsioTransform& transform, std::vector<Link>& links) {
   for (std::size_t at = name.find("To", 1); at != std::string::npos; at = name.find("To", at + 1)) {
     const std::string from = name.substr(0, at);

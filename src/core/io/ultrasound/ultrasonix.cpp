@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kSpeedOfSoundMPerS = 1540.0;
 
-/// What the header says of the frames. The sampling frequency is taken only if the probe's
-/// configuration leaves the sample spacing open.
+/// The header's information about the frames. The sampling frequency is used only if the probe's
+/// configuration has no sample spacing.
 RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                                const std::string& source) {
   const UltrasonixHeader& header = sequence.header;
@@ -27,7 +27,7 @@ RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeCo
   const ProbeSampling& sampling = probe.sampling;
   if (sampling.sample_spacing_mm || sampling.imaging_depth_mm || sampling.sampling_frequency_hz)
     return recorded;
-  // Some software does not set this field; a value that no scanner has must not become a geometry.
+  // Some software does not set this field; an implausible value must not become a geometry.
   constexpr std::int32_t kLowestHz = 100'000;
   constexpr std::int32_t kHighestHz = 100'000'000;
   if (header.sf < kLowestHz || header.sf > kHighestHz)
@@ -43,7 +43,7 @@ RecordedFrames recorded_frames(const UltrasonixSequence& sequence, const ProbeCo
 bool is_ultrasonix(const std::filesystem::path& path) {
   try {
     const io::Bytes prefix = io::read_prefix(path, io::kUltrasonixHeaderBytes);
-    std::error_code error;  // on an error the size is the largest number, which fits no header
+    std::error_code error;  // on an error the size is the largest integer, which fits no header
     const std::uintmax_t size = std::filesystem::file_size(path, error);
     io::parse_ultrasonix_header(prefix, size, path.string());
     return true;

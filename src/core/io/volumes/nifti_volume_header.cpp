@@ -25,7 +25,7 @@ constexpr int kNifti2HeaderBytes = 540;
 /// The magic ends the header; four bytes that announce extensions follow.
 constexpr std::size_t kLeastDataOffset = 352;
 constexpr double kLargestDataOffset = 2147483648.0;
-/// How far apart qform and sform may place the same voxel, in voxels.
+/// Greatest distance, in voxels, between the positions of a voxel by qform and by sform.
 constexpr double kFormTolerance = 0.1;
 
 constexpr std::pair<std::int16_t, Component> kDatatypes[] = {
@@ -206,8 +206,8 @@ Form read_form(const NiftiBytes& file, const Eigen::Vector3i& size) {
                      "'qform_code' and 'sform_code' are both 0, so the orientation "
                      "is not known; one must be > 0");
   if (!has_sform) return read_qform(file);
-  // The sform is preferred: it holds the axes themselves, and the quaternion of 32-bit numbers is
-  // less exact.
+  // The sform is preferred, because it holds the axes themselves; the quaternion of 32-bit numbers
+  // is less exact.
   const Form sform = read_sform(file);
   if (has_qform) check_forms_agree(file, read_qform(file), sform, size);
   return sform;
@@ -269,7 +269,7 @@ Bytes nifti_header(const std::string& source, const Grid& grid, Component compon
   put(112, 1.0F);             // scl_slope
   put(123, std::uint8_t{2});  // mm
   put(252, std::int16_t{1});  // qform: scanner coordinates
-  put(254, std::int16_t{1});  // sform: the same
+  put(254, std::int16_t{1});  // sform: scanner coordinates
   std::memcpy(&header[344], "n+1", 4);
 
   const Eigen::Vector3d to_ras(-1.0, -1.0, 1.0);

@@ -6,7 +6,7 @@ namespace {
 
 using io::Json;
 
-/// Where each index axis runs: "L" towards the patient's left, and so on. " (oblique)" follows if
+/// Direction of each index axis: "L" towards the patient's left, and so on. " (oblique)" follows if
 /// an axis is not parallel to one of the patient's.
 std::string orientation_text(const Eigen::Matrix3d& direction) {
   const char* positive = "LPS";

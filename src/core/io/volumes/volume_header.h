@@ -31,7 +31,7 @@ std::size_t bytes_of(Component component);
 
 enum class Encoding { kRaw, kZlib, kGzip };
 
-/// The content of a volume's header, in terms that all formats share, and where its voxels are.
+/// The content of a volume's header, in terms that all formats share, and the place of its voxels.
 struct VolumeHeader {
   std::string format;
   Grid grid;
@@ -55,8 +55,8 @@ struct VolumeHeader {
   }
 };
 
-/// Each of these reads the header of one format, and checks everything that can be checked without
-/// reading voxels; among it that the data file is large enough. Throw InputError.
+/// Each of these reads the header of one format and checks everything that can be checked without
+/// reading voxels, including that the data file is large enough. Throw InputError.
 VolumeHeader read_nrrd_header(const std::filesystem::path& path);
 VolumeHeader read_meta_header(const std::filesystem::path& path);
 VolumeHeader read_nifti_header(const std::filesystem::path& path);

@@ -26,7 +26,7 @@ using io::VolumeHeader;
 
 enum class Format { kUnknown, kNrrd, kMetaImage, kNifti };
 
-/// Whether the file name ends so; the case of letters does not matter.
+/// Whether the file name has this ending; the case of letters does not matter.
 bool has_ending(const fs::path& path, const std::string& ending) {
   const std::string name = path.filename().string();
   return name.size() > ending.size() &&
@@ -83,7 +83,7 @@ void reverse_bytes(std::uint8_t* values, std::size_t count, std::size_t value_by
     std::reverse(values + i * value_bytes, values + (i + 1) * value_bytes);
 }
 
-/// What a conversion found in the values.
+/// Range and faults of the converted values.
 struct ValueRange {
   double least = std::numeric_limits<double>::infinity();
   double greatest = -std::numeric_limits<double>::infinity();
@@ -101,7 +101,7 @@ ValueRange convert_from(const std::uint8_t* stored, const VolumeHeader& header,
     Stored raw;
     std::memcpy(&raw, stored + i * sizeof(Stored), sizeof(Stored));
     const double value = static_cast<double>(raw) * header.scale + header.offset;
-    range.least = std::min(range.least, value);  // NaN leaves the range as it is
+    range.least = std::min(range.least, value);  // NaN does not change the range
     range.greatest = std::max(range.greatest, value);
     if constexpr (std::is_integral_v<T>) {
       const double rounded = std::nearbyint(value);
@@ -233,7 +233,7 @@ Volume<T> read_volume(const fs::path& path) {
   const bool as_asked =
       header.component == component_of<T>() && header.scale == 1.0 && header.offset == 0.0;
   if (as_asked && header.encoding == Encoding::kRaw && !header.big_endian) {
-    Volume<T> volume(header.grid);  // the usual case is read without a second copy of a large CT
+    Volume<T> volume(header.grid);  // no second copy of a large CT in the usual case
     io::read_bytes_into(header.data_file, header.begin + header.skip, volume.voxels.data(),
                         static_cast<std::size_t>(header.voxel_bytes()));
     return volume;
