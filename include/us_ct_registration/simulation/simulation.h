@@ -127,7 +127,8 @@ struct SimulatedComponents {
 /// axis of the CT, divided by their distance; the points are kept within the CT. Inside the CT,
 /// trilinear sampling thus gives interpolated central differences. Samples outside the CT, and in
 /// air in front of the body, have the value `outside_hu`, reflect nothing and transmit everything.
-/// That air ends at the first sample at which none of the points of the gradient lies in air.
+/// The air in front of the body ends at the first sample at which none of the points of the
+/// gradient lies in air.
 ///
 /// Throws InputError for an invalid CT, beam grid or option, and for a transform that is not finite
 /// and rigid.

@@ -18,7 +18,7 @@ HWY_BEFORE_NAMESPACE();
 namespace usct::simulated_lc2::HWY_NAMESPACE {
 namespace {
 
-/// How many samples ahead of its use the CT is prefetched.
+/// The CT is prefetched this many samples before its use.
 constexpr int kSamplesAhead = 4;
 
 /// Sums of a block, lane by lane, in double precision.
