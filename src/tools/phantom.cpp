@@ -106,6 +106,12 @@ void add_anatomy_knobs(CLI::App& app, PhantomCommand& command) {
   phantom::AnatomyOptions& o = command.knobs.anatomy;
   group->add_option("--contrast", o.contrast, "factor on differences between soft tissues")
       ->capture_default_str();
+  group
+      ->add_option(
+          "--tissue-variation", o.tissue_variation,
+          "factor on random changes of each soft tissue's echogenicity (5 dB) and HU (20), "
+          "by seed")
+      ->capture_default_str();
   group->add_option("--bubbles", o.bubbles, "gas bubbles of 0.2-0.8 mm radius at the kidney")
       ->capture_default_str();
   group->add_option("--standoff", o.standoff_mm, "gel between array and skin, mm [by scene]");
@@ -184,6 +190,13 @@ void add_sweep_knobs(CLI::App& app, PhantomCommand& command) {
   group->add_option("--lag", o.lag_s, "of images behind poses, s")->capture_default_str();
   group->add_option("--duplicates", o.duplicate_fraction, "share of frames that repeat the last")
       ->capture_default_str();
+  group
+      ->add_option("--breathing-mm", o.breathing_mm,
+                   "peak-to-peak motion along the patient's superior axis during the sweep, mm")
+      ->capture_default_str();
+  group->add_option("--breathing-period-s", o.breathing_period_s, "duration of a breath, s")
+      ->capture_default_str();
+  group->add_option("--sweep-duration-s", o.sweep_duration_s, "of a motorised sweep, s [1.5]");
 }
 
 void add_ultrasound_knobs(CLI::App& app, PhantomCommand& command) {
@@ -207,6 +220,10 @@ void add_ultrasound_knobs(CLI::App& app, PhantomCommand& command) {
        "echoes are shown at (1 + error) times their depth");
   knob("--tissue-speeds", o.tissue_speeds,
        "0: one speed of sound; 1: each tissue its own, so fat shifts what lies below");
+  knob("--echo-texture", o.echo_texture_db,
+       "standard deviation of echogenicity within tissues that the CT does not show, dB");
+  knob("--edge-shadows", o.edge_shadows,
+       "shadows by refraction below edges that the beam grazes: 0 none, 1 as at cysts");
 }
 
 }  // namespace

@@ -43,6 +43,10 @@ double texture_at(const Anatomy& anatomy, const TissueProperties& properties, Ti
 double sheet_at(const Anatomy& anatomy, const TissueProperties& properties, Tissue tissue,
                 const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
 
+/// Smooth variations of the echogenicity of a tissue that the CT does not show, correlated over
+/// about 3 and 10 mm: mean 0, standard deviation 1.
+double echo_texture_at(Tissue tissue, const Eigen::Vector3d& p_ct_mm, std::uint64_t seed);
+
 /// An anatomy with its properties, and the probe that scans it.
 struct Scene {
   std::shared_ptr<const Anatomy> anatomy;

@@ -33,6 +33,9 @@ std::string to_string(SceneKind scene);
 struct AnatomyOptions {
   /// Factor on the differences between soft tissues, in CT and ultrasound; (0, 1.5].
   double contrast = 1.0;
+  /// Factor on random changes of the echogenicity (5 dB) and the HU (20 HU) of each soft tissue, by
+  /// seed; [0, 2], 0: none. The HU of the scene from-ct are those of its CT and do not change.
+  double tissue_variation = 0.0;
   /// Gas bubbles of 0.2-0.8 mm radius at the kidney; [0, 200].
   int bubbles = 3;
   /// Standoff (gel) between array and skin or agar, mm; [0, 30]. Unset: 1 mm on agar, 3-9 mm on a
@@ -95,7 +98,8 @@ struct PhantomTruth {
   /// distance; exact where nothing deforms.
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   /// Kidney surface: `targets_us_mm[i]` is the position of `targets_ct_mm[i]` during the
-  /// ultrasound, deformation included.
+  /// ultrasound, deformation included; if the anatomy moves with breathing, the mean position over
+  /// the frames that show the kidney.
   std::vector<Eigen::Vector3d> targets_ct_mm;
   std::vector<Eigen::Vector3d> targets_us_mm;
   /// Root mean square and largest distance between `T_us_ct * targets_ct_mm` and `targets_us_mm`:
@@ -110,6 +114,8 @@ struct PhantomTruth {
   /// For each frame, the index of the frame whose image it shows (its own index unless it is a
   /// duplicate).
   std::vector<int> image_of_frame;
+  /// For each frame, the displacement by breathing along the patient's superior axis, mm.
+  std::vector<double> breathing_mm;
 };
 
 struct PhantomCase {

@@ -54,6 +54,15 @@ struct SweepOptions {
   /// Share of tracked frames whose image is that of the frame before; [0, 0.9].
   double duplicate_fraction = 0.0;
 
+  /// Breathing during the sweep: the whole anatomy moves along the patient's superior axis, as a
+  /// sine with this peak-to-peak amplitude, mm, and a phase by seed; [0, 30].
+  double breathing_mm = 0.0;
+  /// Duration of a breath, s; [1, 20].
+  double breathing_period_s = 4.0;
+  /// Time from the first to the last frame of a motorised sweep, s; [0.05, 60]. Unset: 1.5, the
+  /// time that sound takes for 81 frames of 128 lines to a depth of 110 mm and back.
+  std::optional<double> sweep_duration_s;
+
   void validate() const;
 };
 
@@ -62,6 +71,9 @@ struct Acquisition {
   ScanGeometry truth;
   /// For each frame, the index of the frame whose image it shows.
   std::vector<int> image_of_frame;
+  /// For each frame, the displacement of the anatomy along the patient's superior axis when the
+  /// image was taken, mm.
+  std::vector<double> breathing_mm;
   /// Pose of the scene's probe frame (middle of the sweep) in the US frame.
   Eigen::Isometry3d T_us_probe = Eigen::Isometry3d::Identity();
 };

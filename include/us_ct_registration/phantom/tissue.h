@@ -84,6 +84,12 @@ class TissueTable {
   /// steel, plastic and air do not change.
   TissueTable with_contrast(double contrast) const;
 
+  /// Moves the echogenicity of each soft tissue and fluid by a normal draw with a standard
+  /// deviation of 5 dB * `variation`, and its HU by one of 20 HU * `variation`. The draws are
+  /// independent, follow from the seed and are clamped at two standard deviations. Bone, gas,
+  /// stone, steel, plastic and air do not change.
+  TissueTable with_variation(double variation, std::uint64_t seed) const;
+
  private:
   std::array<TissueProperties, kTissueCount> properties_;
 };

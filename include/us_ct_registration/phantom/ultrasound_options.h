@@ -53,6 +53,12 @@ struct UltrasoundOptions {
   /// Weight of the tissues' own speeds of sound (fat 1450, muscle 1580 m/s), so that layers shift
   /// the echoes from below them; 0: one speed everywhere; [0, 1].
   double tissue_speeds = 0.0;
+  /// Standard deviation of smooth variations of the echogenicity within every tissue that the CT
+  /// does not show, dB; [0, 12].
+  double echo_texture_db = 0.0;
+  /// Weight of the shadows below edges where the beam grazes a step of the speed of sound, as at
+  /// the sides of a cyst; [0, 1], 0: none. The lines stay straight.
+  double edge_shadows = 0.0;
 
   void validate(int lines) const;
 };

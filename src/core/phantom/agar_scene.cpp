@@ -117,7 +117,9 @@ Scene make_agar_scene(std::uint64_t seed, const AnatomyOptions& options) {
   const auto anatomy = std::make_shared<AgarAnatomy>(seed, options);
   Scene scene;
   scene.anatomy = anatomy;
-  scene.tissues = TissueTable::ex_vivo().with_contrast(options.contrast);
+  scene.tissues = TissueTable::ex_vivo()
+                      .with_contrast(options.contrast)
+                      .with_variation(options.tissue_variation, seed);
   Sequence random(seed, 0x9B0);
   const Isometry3d T_ct_box = anatomy->T_box_ct().inverse();
   const Isometry3d T_box_probe =

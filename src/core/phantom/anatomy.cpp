@@ -1,6 +1,7 @@
 #include "us_ct_registration/phantom/anatomy.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "phantom/random.h"
@@ -39,6 +40,15 @@ double sheet_at(const Anatomy& anatomy, const TissueProperties& properties, Tiss
   const Eigen::Vector3d q = scaled_texture_point(anatomy, properties, tissue, p_ct_mm);
   const double field = smooth_noise(hash(texture_stream(seed, tissue), 7), q);
   return std::max(0.0, 1.0 - std::abs(field) / kSheetWidth);
+}
+
+double echo_texture_at(Tissue tissue, const Eigen::Vector3d& p_ct_mm, std::uint64_t seed) {
+  constexpr std::array<double, 2> kCorrelationMm = {3.0, 10.0};
+  const std::uint64_t stream = hash(seed, 0xEC40 + static_cast<std::uint64_t>(tissue));
+  double sum = 0.0;
+  for (std::size_t i = 0; i < kCorrelationMm.size(); ++i)
+    sum += smooth_noise(hash(stream, i), p_ct_mm / kCorrelationMm[i]);
+  return sum / std::sqrt(static_cast<double>(kCorrelationMm.size()));
 }
 
 }  // namespace usct::phantom

@@ -138,7 +138,9 @@ Scene make_ct_scene(std::uint64_t seed, const CtVolume& ct, const LabelVolume& l
   const auto anatomy = std::make_shared<CtAnatomy>(seed, ct, labels, from_ct, options);
   Scene scene;
   scene.anatomy = anatomy;
-  scene.tissues = TissueTable::patient().with_contrast(options.contrast);
+  scene.tissues = TissueTable::patient()
+                      .with_contrast(options.contrast)
+                      .with_variation(options.tissue_variation, seed);
   scene.kidney_centre_ct_mm = anatomy->kidney_centre_mm();
   scene.kidney_surface_ct_mm = anatomy->surface_mm();
   scene.ct_centre_mm = anatomy->kidney_centre_mm();

@@ -24,6 +24,7 @@ Json optional_json(const std::optional<T>& value) {
 
 Json anatomy_json(const AnatomyOptions& o) {
   return {{"contrast", o.contrast},
+          {"tissue_variation", o.tissue_variation},
           {"bubbles", o.bubbles},
           {"standoff_mm", optional_json(o.standoff_mm)},
           {"indentation_mm", optional_json(o.indentation_mm)},
@@ -62,7 +63,10 @@ Json sweep_json(const SweepOptions& o) {
           {"pose_noise_mm", o.pose_noise_mm},
           {"pose_noise_deg", o.pose_noise_deg},
           {"lag_s", o.lag_s},
-          {"duplicate_fraction", o.duplicate_fraction}};
+          {"duplicate_fraction", o.duplicate_fraction},
+          {"breathing_mm", o.breathing_mm},
+          {"breathing_period_s", o.breathing_period_s},
+          {"sweep_duration_s", optional_json(o.sweep_duration_s)}};
 }
 
 Json ultrasound_json(const UltrasoundOptions& o) {
@@ -87,7 +91,9 @@ Json ultrasound_json(const UltrasoundOptions& o) {
           {"reverberation", o.reverberation},
           {"no_contact_lines", o.no_contact_lines},
           {"sound_speed_error", o.sound_speed_error},
-          {"tissue_speeds", o.tissue_speeds}};
+          {"tissue_speeds", o.tissue_speeds},
+          {"echo_texture_db", o.echo_texture_db},
+          {"edge_shadows", o.edge_shadows}};
 }
 
 const char* tissue_name(Tissue tissue) {
@@ -153,12 +159,14 @@ std::string describe_json(const PhantomCase& phantom) {
       {"T_us_ct", pose_json(truth.T_us_ct)},
       {"meaning",
        "physical: best rigid fit of the kidney's surface from CT to where it was during the "
-       "ultrasound; errors of sound speed, motor, poses and lag are not part of it"},
+       "ultrasound (with breathing: its mean over the frames that cut it); errors of sound speed, "
+       "motor, poses and lag are not part of it"},
       {"rms_residual_mm", truth.rms_residual_mm},
       {"max_residual_mm", truth.max_residual_mm},
       {"fiducials_ct_mm", points_json(truth.fiducials_ct_mm)},
       {"fiducials_us_mm", points_json(truth.fiducials_us_mm)},
       {"geometry", true_geometry_json(truth)}};
+  if (phantom.options.sweep.breathing_mm > 0.0) json["truth"]["breathing_mm"] = truth.breathing_mm;
   json["labels"] = Json::object();
   for (int t = 0; t < kTissueCount; ++t)
     json["labels"][std::to_string(t)] = tissue_name(static_cast<Tissue>(t));

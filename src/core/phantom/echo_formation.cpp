@@ -16,19 +16,30 @@ namespace usct::phantom {
 namespace {
 
 using Eigen::Isometry3d;
+using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-/// The true beams in the probe frame, from the array's surface, since sound also passes the tissue
-/// above the first sample, to a depth.
-BeamGrid beams_in_probe_frame(const Acquisition& acquisition, double deepest_mm) {
+/// Displacement of the anatomy by breathing during a frame, in the probe frame.
+Vector3d breathing_probe_mm(const Placement& placement, const Acquisition& acquisition, int frame) {
+  return acquisition.breathing_mm[static_cast<std::size_t>(frame)] *
+         placement.T_probe_ct.linear().col(2);
+}
+
+/// The true beams relative to the anatomy without breathing, in the probe frame, from the array's
+/// surface, since sound also passes the tissue above the first sample, to a depth.
+BeamGrid beams_in_probe_frame(const Placement& placement, const Acquisition& acquisition,
+                              double deepest_mm) {
   BeamGrid beams = beam_grid(acquisition.truth);
   AxialSampling& axial = beams.axial;
   axial.samples = static_cast<int>((deepest_mm - axial.start_depth_mm) / axial.spacing_mm) + 1;
   axial.samples += static_cast<int>(axial.start_depth_mm / axial.spacing_mm);
   axial.start_depth_mm = 0.0;
   const Isometry3d T_probe_us = acquisition.T_us_probe.inverse();
-  for (Beam& beam : beams.beams) {
-    beam.origin_mm = T_probe_us * beam.origin_mm;
+  for (std::size_t i = 0; i < beams.beams.size(); ++i) {
+    Beam& beam = beams.beams[i];
+    const int frame = static_cast<int>(i) / beams.lines;
+    beam.origin_mm =
+        T_probe_us * beam.origin_mm - breathing_probe_mm(placement, acquisition, frame);
     beam.direction = T_probe_us.linear() * beam.direction;
   }
   return beams;
@@ -42,9 +53,14 @@ std::vector<Vector3d> apices(const BeamGrid& beams) {
   return result;
 }
 
-Isometry3d T_probe_frame(const Acquisition& acquisition, int frame) {
-  const double middle = 0.5 * (acquisition.truth.lines() - 1);
-  return acquisition.T_us_probe.inverse() * T_us_frame_of(acquisition.truth, frame, middle);
+Isometry3d T_us_middle_of(const Acquisition& acquisition, int frame) {
+  return T_us_frame_of(acquisition.truth, frame, 0.5 * (acquisition.truth.lines() - 1));
+}
+
+/// The inverse of `T_frame_rest`.
+Isometry3d T_rest_frame(const Placement& placement, const Acquisition& acquisition, int frame) {
+  return Translation3d(-breathing_probe_mm(placement, acquisition, frame)) *
+         (acquisition.T_us_probe.inverse() * T_us_middle_of(acquisition, frame));
 }
 
 /// Number of scatterers per cell for fully developed speckle at the narrowest point of the beam.
@@ -70,6 +86,11 @@ void repeat_images(const Acquisition& acquisition, std::size_t per_frame,
 
 }  // namespace
 
+Isometry3d T_frame_rest(const Placement& placement, const Acquisition& acquisition, int frame) {
+  return T_us_middle_of(acquisition, frame).inverse() * acquisition.T_us_probe *
+         Translation3d(breathing_probe_mm(placement, acquisition, frame));
+}
+
 std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
                                const Acquisition& acquisition, const UltrasoundOptions& options,
                                std::uint64_t seed, const Progress& progress) {
@@ -85,12 +106,13 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
   const BeamProfile profile(options, frequency_mhz, focus_mm, geometry.axial.spacing_mm,
                             deepest_mm);
 
-  const BeamGrid beams = beams_in_probe_frame(acquisition, deepest_mm);
+  const BeamGrid beams = beams_in_probe_frame(placement, acquisition, deepest_mm);
   const ScannedBody body(scene, placement, apices(beams));
   const TissueRaster raster(body, beams, stage(progress, 0.0, 0.25));
-  const ScattererField field = make_scatterers(body, raster, scatterers_per_cell(profile), seed,
-                                               stage(progress, 0.25, 0.45));
-  const AttenuationVolume attenuation(body, raster, beams, frequency_mhz, options.tissue_speeds);
+  const ScattererField field =
+      make_scatterers(body, raster, scatterers_per_cell(profile), options.echo_texture_db, seed,
+                      stage(progress, 0.25, 0.45));
+  const AttenuationVolume attenuation(body, raster, beams, frequency_mhz, options);
 
   std::vector<TransmissionMap> transmissions(static_cast<std::size_t>(geometry.frames()));
   parallel_for(
@@ -98,11 +120,11 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
       [&](int f) {
         transmissions[static_cast<std::size_t>(f)] = make_transmission_map(
             attenuation, profile, geometry.array, geometry.lines(), deepest_mm,
-            T_probe_frame(acquisition, f), options.elevation_aperture_mm);
+            T_rest_frame(placement, acquisition, f), options.elevation_aperture_mm);
       },
       stage(progress, 0.45, 0.6));
 
-  const FrameSynthesis synthesis(field, profile, options, geometry, acquisition.T_us_probe);
+  const FrameSynthesis synthesis(field, profile, options, geometry);
   const Receiver receiver(options, frequency_mhz, geometry, transmissions, seed);
   const std::size_t per_frame =
       static_cast<std::size_t>(geometry.lines()) * static_cast<std::size_t>(geometry.samples());
@@ -112,8 +134,10 @@ std::vector<float> form_echoes(const Scene& scene, const Placement& placement,
       [&](int f) {
         const auto n = static_cast<std::size_t>(f);
         if (acquisition.image_of_frame[n] != f) return;
-        const std::vector<float> frame =
-            receiver.envelope(synthesis.echoes(f, transmissions[n]), f);
+        const std::vector<float> frame = receiver.envelope(
+            synthesis.echoes(T_frame_rest(placement, acquisition, f).cast<float>(),
+                             transmissions[n]),
+            f);
         std::copy(frame.begin(), frame.end(),
                   envelope.begin() + static_cast<std::ptrdiff_t>(n * per_frame));
       },

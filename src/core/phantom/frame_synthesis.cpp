@@ -100,13 +100,11 @@ struct FrameSynthesis::Signal {
 };
 
 FrameSynthesis::FrameSynthesis(const ScattererField& field, const BeamProfile& profile,
-                               const UltrasoundOptions& options, const ScanGeometry& geometry,
-                               const Eigen::Isometry3d& T_us_probe)
+                               const UltrasoundOptions& options, const ScanGeometry& geometry)
     : field_(field),
       profile_(profile),
       options_(options),
       geometry_(geometry),
-      T_us_probe_(T_us_probe),
       curved_(std::holds_alternative<CurvilinearArray>(geometry.array)),
       line_table_(positions_of(geometry.array), "array", "lines"),
       evenly_spaced_(is_even(positions_of(geometry.array))) {
@@ -317,11 +315,8 @@ bool FrameSynthesis::block_in_reach(const ScattererField::Block& block,
          std::abs(p.z()) < block.radius_mm + kReach * widest + largest_tilt_rad_ * (far + 60.0F);
 }
 
-std::vector<std::complex<float>> FrameSynthesis::echoes(int frame,
+std::vector<std::complex<float>> FrameSynthesis::echoes(const Isometry3f& T_frame_probe,
                                                         const TransmissionMap& transmission) const {
-  const double middle = 0.5 * (geometry_.lines() - 1);
-  const Isometry3f T_frame_probe =
-      (T_us_frame_of(geometry_, frame, middle).inverse() * T_us_probe_).cast<float>();
   Signal signal(geometry_.lines(), geometry_.samples(), taps_);
   for (const ScattererField::Block& block : field_.blocks) {
     if (!block_in_reach(block, T_frame_probe)) continue;

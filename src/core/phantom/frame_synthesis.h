@@ -16,13 +16,14 @@ namespace usct::phantom {
 /// (in-phase and quadrature), so that neighbouring scatterers interfere and make speckle.
 class FrameSynthesis {
  public:
-  /// `geometry` is the true one; only the requested frame of it is used.
+  /// `geometry` is the true one.
   FrameSynthesis(const ScattererField& field, const BeamProfile& profile,
-                 const UltrasoundOptions& options, const ScanGeometry& geometry,
-                 const Eigen::Isometry3d& T_us_probe);
+                 const UltrasoundOptions& options, const ScanGeometry& geometry);
 
-  /// Echoes of a frame, lines x samples, samples fastest.
-  std::vector<std::complex<float>> echoes(int frame, const TransmissionMap& transmission) const;
+  /// Echoes of a frame, lines x samples, samples fastest. `T_frame_probe` maps the scatterers to
+  /// the frame.
+  std::vector<std::complex<float>> echoes(const Eigen::Isometry3f& T_frame_probe,
+                                          const TransmissionMap& transmission) const;
 
  private:
   /// Position of a scatterer relative to a frame.
@@ -57,7 +58,6 @@ class FrameSynthesis {
   const BeamProfile& profile_;
   const UltrasoundOptions& options_;
   const ScanGeometry& geometry_;
-  Eigen::Isometry3d T_us_probe_;
   bool curved_;
   float array_radius_mm_ = 0.0F;
   float axis_offset_mm_ = 0.0F;        // D of the motor

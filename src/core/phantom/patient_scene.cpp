@@ -51,7 +51,9 @@ Scene make_patient_scene(std::uint64_t seed, const AnatomyOptions& options) {
   const auto anatomy = std::make_shared<PatientAnatomy>(seed, options);
   Scene scene;
   scene.anatomy = anatomy;
-  scene.tissues = TissueTable::patient().with_contrast(options.contrast);
+  scene.tissues = TissueTable::patient()
+                      .with_contrast(options.contrast)
+                      .with_variation(options.tissue_variation, seed);
   Sequence random(seed, 0x9B0);
   const double standoff = random.between(3.0, 9.0);
   scene.T_ct_probe = probe_on_flank(*anatomy, random, options.standoff_mm.value_or(standoff));

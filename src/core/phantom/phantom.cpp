@@ -33,18 +33,42 @@ Isometry3d best_rigid_fit(const std::vector<Vector3d>& from, const std::vector<V
   return T;
 }
 
+/// Mean displacement by breathing, in the probe frame, over the frames whose plane cuts the
+/// kidney's surface; over all frames if none does.
+Vector3d mean_breathing_mm(const Scene& scene, const Placement& placement,
+                           const Acquisition& acquisition) {
+  double sum_all = 0.0;
+  double sum_cutting = 0.0;
+  int cutting = 0;
+  for (int f = 0; f < acquisition.truth.frames(); ++f) {
+    const double here = acquisition.breathing_mm[static_cast<std::size_t>(f)];
+    const Isometry3d T = T_frame_rest(placement, acquisition, f);
+    int in_front = 0;
+    for (const Vector3d& p : scene.kidney_surface_ct_mm)
+      in_front += (T * placement.probe_from_ct(p)).z() > 0.0 ? 1 : 0;
+    sum_all += here;
+    if (in_front == 0 || in_front == static_cast<int>(scene.kidney_surface_ct_mm.size())) continue;
+    sum_cutting += here;
+    ++cutting;
+  }
+  const double mean = cutting > 0 ? sum_cutting / cutting : sum_all / acquisition.truth.frames();
+  return mean * placement.T_probe_ct.linear().col(2);
+}
+
 PhantomTruth make_truth(const Scene& scene, const Placement& placement,
                         const Acquisition& acquisition, bool rigid) {
   PhantomTruth truth;
+  const Vector3d breathing_mm = mean_breathing_mm(scene, placement, acquisition);
   const auto us_from_ct = [&](const Vector3d& p) -> Vector3d {
-    return acquisition.T_us_probe * placement.probe_from_ct(p);
+    return acquisition.T_us_probe * (placement.probe_from_ct(p) + breathing_mm);
   };
   truth.targets_ct_mm = scene.kidney_surface_ct_mm;
   truth.fiducials_ct_mm = scene.fiducials_ct_mm;
   for (const Vector3d& p : truth.targets_ct_mm) truth.targets_us_mm.push_back(us_from_ct(p));
   for (const Vector3d& p : truth.fiducials_ct_mm) truth.fiducials_us_mm.push_back(us_from_ct(p));
-  truth.T_us_ct = rigid ? acquisition.T_us_probe * placement.T_probe_ct
-                        : best_rigid_fit(truth.targets_ct_mm, truth.targets_us_mm);
+  truth.T_us_ct = rigid
+                      ? acquisition.T_us_probe * Translation3d(breathing_mm) * placement.T_probe_ct
+                      : best_rigid_fit(truth.targets_ct_mm, truth.targets_us_mm);
   double squares = 0.0;
   for (std::size_t i = 0; i < truth.targets_ct_mm.size(); ++i) {
     const double d = (truth.T_us_ct * truth.targets_ct_mm[i] - truth.targets_us_mm[i]).norm();
@@ -54,6 +78,7 @@ PhantomTruth make_truth(const Scene& scene, const Placement& placement,
   truth.rms_residual_mm = std::sqrt(squares / static_cast<double>(truth.targets_ct_mm.size()));
   truth.geometry = acquisition.truth;
   truth.image_of_frame = acquisition.image_of_frame;
+  truth.breathing_mm = acquisition.breathing_mm;
   return truth;
 }
 
@@ -123,6 +148,7 @@ std::string to_string(Approach approach) {
 
 void PhantomOptions::validate() const {
   require_range("contrast", anatomy.contrast, 0.01, 1.5);
+  require_range("tissue_variation", anatomy.tissue_variation, 0.0, 2.0);
   require_range("bubbles", anatomy.bubbles, 0, 200);
   if (anatomy.standoff_mm) require_range("standoff_mm", *anatomy.standoff_mm, 0.0, 30.0);
   if (anatomy.indentation_mm) require_range("indentation_mm", *anatomy.indentation_mm, 0.0, 20.0);

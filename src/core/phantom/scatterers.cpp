@@ -33,11 +33,12 @@ double reflection(const TissueProperties& a, const TissueProperties& b) {
 class ScattererMaker {
  public:
   ScattererMaker(const ScannedBody& body, const TissueRaster& raster, int per_cell,
-                 std::uint64_t seed)
+                 double echo_texture_db, std::uint64_t seed)
       : body_(body),
         raster_(raster),
         tissues_(body.scene().tissues),
         per_cell_(per_cell),
+        echo_texture_db_(echo_texture_db),
         seed_(seed) {}
 
   ScattererField::Block make_block(const Vector3i& first) const {
@@ -95,6 +96,7 @@ class ScattererMaker {
       level_db += properties.texture_db * texture_at(anatomy, properties, tissue, p, seed_);
     if (properties.septa_db > 0.0)
       level_db += properties.septa_db * sheet_at(anatomy, properties, tissue, p, seed_);
+    if (echo_texture_db_ > 0.0) level_db += echo_texture_db_ * echo_texture_at(tissue, p, seed_);
     // Strengths are Rayleigh-distributed with mean square 1, phases random by position: even sums
     // of few have the statistics of fully developed speckle (excess of the fourth moment 0).
     const double strength = std::sqrt(-std::log(1.0 - uniform(hash(h, 3))));
@@ -168,6 +170,7 @@ class ScattererMaker {
   const TissueRaster& raster_;
   const TissueTable& tissues_;
   int per_cell_;
+  double echo_texture_db_;
   std::uint64_t seed_;
 };
 
@@ -194,8 +197,9 @@ ScattererField::Block ball_block(const ScannedBody& body, std::uint64_t seed) {
 }  // namespace
 
 ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster, int per_cell,
-                               std::uint64_t seed, const Progress& progress) {
-  const ScattererMaker maker(body, raster, per_cell, seed);
+                               double echo_texture_db, std::uint64_t seed,
+                               const Progress& progress) {
+  const ScattererMaker maker(body, raster, per_cell, echo_texture_db, seed);
   ScattererField field;
   field.blocks.resize(raster.blocks().size());
   parallel_for(

@@ -41,9 +41,10 @@ struct ScattererField {
 };
 
 /// `per_cell` volume scatterers in each lattice cell, jittered, their strength scaled by the local
-/// echogenicity; one surface scatterer per cell that an interface crosses. All depend on seed and
-/// cell only, so that they do not move with the sweep.
+/// echogenicity with `echo_texture_db` of texture; one surface scatterer per cell that an interface
+/// crosses. All depend on seed and cell only, so that they do not move with the sweep.
 ScattererField make_scatterers(const ScannedBody& body, const TissueRaster& raster, int per_cell,
-                               std::uint64_t seed, const Progress& progress);
+                               double echo_texture_db, std::uint64_t seed,
+                               const Progress& progress);
 
 }  // namespace usct::phantom

@@ -24,6 +24,7 @@ constexpr double kSlowStepDeg = 0.611;
 constexpr double kFastStepDeg = 0.747;
 constexpr double kTrackedRadiusMm = 60.0;
 constexpr double kTrackedFovDeg = 60.0;
+constexpr double kMotorisedDurationS = 1.5;
 
 double radius_of(const SweepOptions& options) {
   if (options.kind == SweepKind::kTrackedLinear) return 0.0;
@@ -46,7 +47,14 @@ double true_motor_angle(double recorded, double error) {
   return recorded * (1.0 + error * (ratio - 1.0));
 }
 
-Acquisition motorised(const SweepOptions& options, const ScanGeometry& still) {
+/// Displacement by breathing at a time of the sweep.
+double breathing_at(const SweepOptions& options, double time_s, std::uint64_t seed) {
+  const double phase = 2.0 * kPi * uniform(hash(seed, 0xB4EA));
+  const double turn = 2.0 * kPi * time_s / options.breathing_period_s;
+  return 0.5 * options.breathing_mm * std::sin(turn + phase);
+}
+
+Acquisition motorised(const SweepOptions& options, const ScanGeometry& still, std::uint64_t seed) {
   double pitch_deg = kFramePitchDeg;
   if (options.elevation_fov_deg) pitch_deg = *options.elevation_fov_deg / (options.frames - 1);
   MotorSweep recorded;
@@ -56,10 +64,15 @@ Acquisition motorised(const SweepOptions& options, const ScanGeometry& still) {
   MotorSweep truth = recorded;
   for (double& angle : truth.frame_angles_rad) angle = true_motor_angle(angle, options.sweep_error);
 
-  Acquisition acquisition{still, still, {}, Isometry3d::Identity()};
+  Acquisition acquisition{still, still, {}, {}, Isometry3d::Identity()};
   acquisition.recorded.motion = recorded;
   acquisition.truth.motion = truth;
-  for (int f = 0; f < options.frames; ++f) acquisition.image_of_frame.push_back(f);
+  const double duration_s = options.sweep_duration_s.value_or(kMotorisedDurationS);
+  for (int f = 0; f < options.frames; ++f) {
+    acquisition.image_of_frame.push_back(f);
+    acquisition.breathing_mm.push_back(
+        breathing_at(options, duration_s * f / (options.frames - 1), seed));
+  }
   acquisition.T_us_probe = Translation3d(0.0, radius_of(options), 0.0);
   return acquisition;
 }
@@ -113,7 +126,7 @@ Isometry3d pose_noise(const SweepOptions& options, double radius_mm, Sequence& r
 
 Acquisition tracked(const SweepOptions& options, const ScanGeometry& still,
                     double surface_radius_mm, std::uint64_t seed) {
-  Acquisition acquisition{still, still, {}, Isometry3d::Identity()};
+  Acquisition acquisition{still, still, {}, {}, Isometry3d::Identity()};
   Sequence random(seed, 0x74AC);
   // The base of the tracker or robot may be anywhere.
   acquisition.T_us_probe =
@@ -129,6 +142,7 @@ Acquisition tracked(const SweepOptions& options, const ScanGeometry& still,
     const int image = duplicate ? acquisition.image_of_frame.back() : f;
     acquisition.image_of_frame.push_back(image);
     const double image_time_s = image / options.frame_rate_hz - options.lag_s;
+    acquisition.breathing_mm.push_back(breathing_at(options, image_time_s, seed));
     truth.T_us_frame.push_back(acquisition.T_us_probe * path.T_probe_frame(image_time_s));
     recorded.T_us_frame.push_back(acquisition.T_us_probe * path.T_probe_frame(time_s) *
                                   pose_noise(options, radius_of(options), random));
@@ -182,6 +196,9 @@ void SweepOptions::validate() const {
   require_range("pose_noise_deg", pose_noise_deg, 0.0, 20.0);
   require_range("lag_s", lag_s, -2.0, 2.0);
   require_range("duplicate_fraction", duplicate_fraction, 0.0, 0.9);
+  require_range("breathing_mm", breathing_mm, 0.0, 30.0);
+  require_range("breathing_period_s", breathing_period_s, 1.0, 20.0);
+  if (sweep_duration_s) require_range("sweep_duration_s", *sweep_duration_s, 0.05, 60.0);
   const bool is_motorised = kind == SweepKind::kMotorised;
   const auto only_for = [](const std::string& option, bool set, const std::string& sweep) {
     if (set)
@@ -190,6 +207,7 @@ void SweepOptions::validate() const {
   };
   only_for("sweep_error", !is_motorised && sweep_error != 0.0, "motorised");
   only_for("frame_travel_deg", !is_motorised && frame_travel_deg != 0.0, "motorised");
+  only_for("sweep_duration_s", !is_motorised && sweep_duration_s, "motorised");
   only_for("elevation_fov_deg", !is_motorised && elevation_fov_deg, "motorised");
   only_for("pose_noise_mm", is_motorised && pose_noise_mm != 0.0, "tracked");
   only_for("pose_noise_deg", is_motorised && pose_noise_deg != 0.0, "tracked");
@@ -204,7 +222,7 @@ Acquisition make_acquisition(const SweepOptions& options, double depth_mm, doubl
                  (depth_mm - options.start_depth_mm) / (options.samples - 1)};
   still.array = array_of(options);
   Acquisition acquisition = options.kind == SweepKind::kMotorised
-                                ? motorised(options, still)
+                                ? motorised(options, still, seed)
                                 : tracked(options, still, surface_radius_mm, seed);
   acquisition.recorded.validate("phantom options");
   acquisition.truth.validate("phantom options");

@@ -1,5 +1,8 @@
 #include "us_ct_registration/phantom/tissue.h"
 
+#include <algorithm>
+
+#include "phantom/random.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::phantom {
@@ -39,7 +42,11 @@ constexpr std::array<TissueProperties, kTissueCount> kPatient = {{
     {"soft_tissue", 50, 8, -2, 2, 6, {10, 4, 10}, 0.6, 1.65, 1565},
 }};
 
-bool keeps_its_contrast(Tissue tissue) {
+// Standard deviations at a variation of 1.
+constexpr double kVariationDb = 5.0;
+constexpr double kVariationHu = 20.0;
+
+bool keeps_its_properties(Tissue tissue) {
   return is_strong_reflector(tissue) || tissue == Tissue::kPlastic || tissue == Tissue::kAir;
 }
 
@@ -70,12 +77,27 @@ TissueTable TissueTable::with_contrast(double contrast) const {
     return towards + contrast * (value - towards);
   };
   for (int i = 0; i < kTissueCount; ++i) {
-    if (keeps_its_contrast(static_cast<Tissue>(i))) continue;
+    if (keeps_its_properties(static_cast<Tissue>(i))) continue;
     TissueProperties& p = table.properties_[static_cast<std::size_t>(i)];
     p.hu = draw(p.hu, reference.hu);
     p.echogenicity_db = draw(p.echogenicity_db, reference.echogenicity_db);
     p.septa_db *= contrast;
     p.impedance_mrayl = draw(p.impedance_mrayl, reference.impedance_mrayl);
+  }
+  return table;
+}
+
+TissueTable TissueTable::with_variation(double variation, std::uint64_t seed) const {
+  TissueTable table = *this;
+  const auto draw = [seed](std::uint64_t purpose, int tissue) {
+    const std::uint64_t h = hash(hash(seed, purpose), static_cast<std::uint64_t>(tissue));
+    return std::clamp(normal(h), -2.0, 2.0);
+  };
+  for (int i = 0; i < kTissueCount; ++i) {
+    if (keeps_its_properties(static_cast<Tissue>(i))) continue;
+    TissueProperties& p = table.properties_[static_cast<std::size_t>(i)];
+    p.echogenicity_db += kVariationDb * variation * draw(0x7AD8, i);
+    p.hu += kVariationHu * variation * draw(0x7A47, i);
   }
   return table;
 }

@@ -27,6 +27,8 @@ void UltrasoundOptions::validate(int lines) const {
   require_range("no_contact_lines", no_contact_lines, 0, half_the_lines);
   require_range("sound_speed_error", sound_speed_error, -0.1, 0.1);
   require_range("tissue_speeds", tissue_speeds, 0.0, 1.0);
+  require_range("echo_texture_db", echo_texture_db, 0.0, 12.0);
+  require_range("edge_shadows", edge_shadows, 0.0, 1.0);
 }
 
 }  // namespace usct::phantom

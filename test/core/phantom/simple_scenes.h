@@ -86,9 +86,9 @@ struct Echoes {
 };
 
 inline Echoes scan(const Scene& scene, const SweepOptions& sweep, double depth_mm,
-                   const UltrasoundOptions& options, std::uint64_t seed = 1) {
+                   const UltrasoundOptions& options, std::uint64_t seed = 1,
+                   const Placement& placement = {}) {
   const Acquisition acquisition = make_acquisition(sweep, depth_mm, 1e6, seed);
-  Placement placement;
   return {form_echoes(scene, placement, acquisition, options, seed), acquisition.recorded};
 }
 

@@ -154,6 +154,23 @@ TEST(FromCt, HandsOutTheCtItselfAndShowsTheKidney) {
   EXPECT_GT(fat / fat_count, cortex / cortex_count + 10.0);
 }
 
+TEST(FromCt, VariationMovesTheEchoesAndNotTheCt) {
+  const Input input = cylinder_body();
+  PhantomOptions options;
+  options.scene = SceneKind::kFromCt;
+  options.from_ct = input.from_ct;
+  options.sweep.samples = 60;
+  options.sweep.lines = 20;
+  options.sweep.frames = 4;
+  options.sweep.lateral_fov_deg = 30.0;
+  options.sweep.elevation_fov_deg = 4.0;
+  const PhantomCase plain = make_phantom_from_ct(input.ct, input.labels, options);
+  options.anatomy.tissue_variation = 1.0;
+  const PhantomCase varied = make_phantom_from_ct(input.ct, input.labels, options);
+  EXPECT_EQ(varied.ct.voxels, plain.ct.voxels);
+  EXPECT_NE(varied.ultrasound.voxels, plain.ultrasound.voxels);
+}
+
 TEST(FromCt, SaysWhatIsMissing) {
   const Input input = cylinder_body();
   const auto make = [&](const FromCtOptions& from_ct, const LabelVolume& labels) {

@@ -327,6 +327,7 @@ TEST(Knobs, OutOfRangeAreNamedWithValueAndRange) {
   const std::vector<std::pair<Change, std::vector<std::string>>> cases = {
       {[](auto& o) { o.anatomy.contrast = 0.0; }, {"contrast", "0", "[0.01, 1.5]"}},
       {[](auto& o) { o.anatomy.contrast = std::nan(""); }, {"contrast", "nan"}},
+      {[](auto& o) { o.anatomy.tissue_variation = 2.1; }, {"tissue_variation", "2.1", "[0, 2]"}},
       {[](auto& o) { o.anatomy.bubbles = -1; }, {"bubbles", "-1"}},
       {[](auto& o) { o.anatomy.deformation_mm = 16.0; }, {"deformation_mm", "16"}},
       {[](auto& o) { o.anatomy.standoff_mm = 31.0; }, {"standoff_mm"}},
@@ -342,6 +343,14 @@ TEST(Knobs, OutOfRangeAreNamedWithValueAndRange) {
       {[](auto& o) { o.sweep.sweep_error = 2.1; }, {"sweep_error"}},
       {[](auto& o) { o.sweep.lag_s = 0.5; }, {"lag_s", "tracked"}},
       {[](auto& o) { o.sweep.duplicate_fraction = 0.1; }, {"duplicate_fraction", "tracked"}},
+      {[](auto& o) { o.sweep.breathing_mm = 31.0; }, {"breathing_mm", "31"}},
+      {[](auto& o) { o.sweep.breathing_period_s = 0.0; }, {"breathing_period_s"}},
+      {[](auto& o) { o.sweep.sweep_duration_s = 0.0; }, {"sweep_duration_s"}},
+      {[](auto& o) {
+         o.sweep.kind = SweepKind::kTrackedLinear;
+         o.sweep.sweep_duration_s = 2.0;
+       },
+       {"sweep_duration_s", "motorised"}},
       {[](auto& o) {
          o.sweep.kind = SweepKind::kTrackedLinear;
          o.sweep.sweep_error = 1.0;
@@ -350,6 +359,8 @@ TEST(Knobs, OutOfRangeAreNamedWithValueAndRange) {
       {[](auto& o) { o.ultrasound.dynamic_range_db = 10.0; }, {"dynamic_range_db"}},
       {[](auto& o) { o.ultrasound.penetration_mm = 0.0; }, {"penetration_mm"}},
       {[](auto& o) { o.ultrasound.sound_speed_error = 0.2; }, {"sound_speed_error"}},
+      {[](auto& o) { o.ultrasound.echo_texture_db = 13.0; }, {"echo_texture_db", "13"}},
+      {[](auto& o) { o.ultrasound.edge_shadows = -0.1; }, {"edge_shadows"}},
       {[](auto& o) { o.ultrasound.no_contact_lines = 65; }, {"no_contact_lines", "64"}},
       {[](auto& o) { o.from_ct.bone_hu = 0.0; }, {"bone_hu"}},
       {[](auto& o) { o.scene = SceneKind::kFromCt; }, {"scene", "CT"}},
