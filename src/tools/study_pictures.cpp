@@ -23,7 +23,7 @@ std::map<std::string, Runs> by_group(const std::vector<StudyRun>& runs) {
 /// runs that must have been refused, which have no truth.
 double badness(const StudyRun& run) {
   if (!run.accepted()) return -1.0;
-  return run.after ? run.after->mean_mm : 1e9;
+  return run.after ? run.after->rigid.mean_mm : 1e9;
 }
 
 void write_pictures_of(const std::vector<StudyCase>& cases, const StudyRun& run,

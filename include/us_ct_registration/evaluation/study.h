@@ -20,20 +20,25 @@
 namespace usct {
 
 /// A folder as `usct phantom` writes it: `ct` (.nrrd, .mha or .nii.gz), `us.nrrd`, `truth.tfm`,
-/// `targets.csv`.
+/// `targets.csv` and, if positions of the targets in the CT are known, `targets_ct.csv`.
 struct StudyCase {
   /// Name of the folder.
   std::string name;
   CtVolume ct;
   PreScanVolume ultrasound;
   Eigen::Isometry3d T_us_ct_true = Eigen::Isometry3d::Identity();
+  /// Matched points: `targets_us_mm[i]` is where `targets_ct_mm[i]` was during the ultrasound,
+  /// deformation included. Without `targets_ct.csv` nothing is known of a deformation, and
+  /// `targets_ct_mm` are the points that the truth maps to `targets_us_mm`.
   std::vector<Eigen::Vector3d> targets_us_mm;
+  std::vector<Eigen::Vector3d> targets_ct_mm;
 
   /// The name up to its first '_'.
   std::string group() const { return name.substr(0, name.find('_')); }
 };
 
-/// Throws InputError, naming the file, if one is missing or invalid, or there are several CTs.
+/// Throws InputError, naming the file, if one is missing or invalid, if there are several CTs, or
+/// if the files of targets have different numbers of points.
 StudyCase read_study_case(const std::filesystem::path& folder);
 
 /// The kind of a trial: which images are registered, and from which start.
@@ -97,6 +102,15 @@ std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyO
 /// The ultrasound of a trial: of its case, mirrored, or noise.
 PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial& trial);
 
+/// Errors of one pose at the targets of a case.
+struct PoseErrors {
+  /// Against the truth of the case, which is the best rigid fit of its targets.
+  TargetErrors rigid;
+  /// Distances of the targets themselves. Where the kidney deformed they include what no rigid pose
+  /// can remove; where it did not, or nothing is known of it, they equal `rigid`.
+  TargetErrors physical;
+};
+
 /// A trial and its result.
 struct StudyRun {
   Trial trial;
@@ -106,9 +120,9 @@ struct StudyRun {
   RegistrationResult result;
   /// Errors at the start, of the pose if it was accepted, and of every candidate; none without
   /// truth.
-  std::optional<TargetErrors> before;
-  std::optional<TargetErrors> after;
-  std::vector<TargetErrors> candidates;
+  std::optional<PoseErrors> before;
+  std::optional<PoseErrors> after;
+  std::vector<PoseErrors> candidates;
   /// Errors that the covariance of an accepted result predicts.
   std::optional<ExpectedTargetErrors> expected;
 

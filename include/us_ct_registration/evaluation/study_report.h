@@ -25,15 +25,16 @@ std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vect
 /// Table of negative trials, by kind.
 std::string negatives_markdown(const std::vector<StudyRun>& runs);
 
-/// Table of expected against true errors; one line if no run has both.
+/// Table of expected against physical errors; one line if no run has both.
 std::string calibration_markdown(const std::vector<StudyRun>& runs);
 
 /// `{"version", "study": {...}, "runs": [...]}`, `study` as given; each run with `case`, `group`,
 /// `ct_case`, `kind`, `start` (its number), `displacement_mm`, `T_us_ct_initial` (16 numbers, row
-/// by row), `before_tre_mm` and `tre_mm` (objects with `mean`, `rms`, `max`), `expected_tre_mm`
-/// (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`), and of its result `status`,
-/// `message`, `T_us_ct`, `similarity`, `overlap`, `evaluations`, `measures`, `seconds` by
-/// stage, `options`.
+/// by row), `before_tre_mm` and `tre_mm` (against the rigid truth; objects with `mean`, `rms`,
+/// `median`, `max`), `before_physical_mm` and `physical_mm` (the same of the physical errors),
+/// `expected_tre_mm` (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`,
+/// `physical_mm`), and of its result `status`, `message`, `T_us_ct`, `similarity`, `overlap`,
+/// `evaluations`, `measures`, `seconds` by stage, `options`.
 /// Unknown values are null. Writes atomically; throws InputError if the folder cannot be written
 /// to.
 void write_study_json(const std::vector<StudyRun>& runs,

@@ -7,7 +7,8 @@
 
 #include "us_ct_registration/evaluation/study.h"
 
-/// Statistics of the runs of a study. Errors are mean TRE (over the targets of a case), in mm.
+/// Statistics of the runs of a study. Errors are means over the targets of a case, in mm, against
+/// the rigid truth unless they are called physical.
 namespace usct {
 
 /// A run has succeeded, or converged, if it was accepted with an error below this.
@@ -43,6 +44,7 @@ struct GroupStatistics {
   std::size_t refused = 0;
   Spread succeeded;  // errors
   Spread accepted;
+  Spread accepted_physical;
   /// Share of all runs, refused ones too, that were accepted with an error below 2, 3 and 5 mm.
   static constexpr std::array<double, 3> kBelowMm{2.0, 3.0, kSuccessMm};
   std::array<double, 3> share_below{};
@@ -72,8 +74,8 @@ struct NegativeStatistics {
 /// Statistics of each kind that occurs, in the order of TrialKind.
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs);
 
-/// Expected against true errors, both RMS over the targets of a case, of accepted runs that have
-/// both.
+/// Expected against physical errors, both RMS over the targets of a case, of accepted runs that
+/// have both.
 struct CalibrationBin {
   /// Expected errors in [low_mm, high_mm).
   double low_mm = 0.0;

@@ -36,6 +36,19 @@ std::filesystem::path find_ct(const std::filesystem::path& folder) {
   return found.front();
 }
 
+std::vector<Vector3d> read_targets_ct_mm(const std::filesystem::path& folder,
+                                         const StudyCase& study_case) {
+  const std::filesystem::path path = folder / "targets_ct.csv";
+  if (!std::filesystem::exists(path))
+    return ct_points_mm(study_case.T_us_ct_true, study_case.targets_us_mm);
+  std::vector<Vector3d> points_mm = read_points_mm(path);
+  if (points_mm.size() != study_case.targets_us_mm.size())
+    throw InputError(path.string(), "has " + std::to_string(points_mm.size()) +
+                                        " points, must have as many as targets.csv, " +
+                                        std::to_string(study_case.targets_us_mm.size()));
+  return points_mm;
+}
+
 /// The hash FNV-1a, which is the same on every machine.
 std::uint64_t hash_of(const std::string& text) {
   std::uint64_t hash = 0xCBF29CE484222325ULL;
@@ -137,7 +150,8 @@ StudyRun evaluated(const std::vector<StudyCase>& cases, const Trial& trial,
   run.ct_case_name = cases[trial.ct_case].name;
   run.result = std::move(result);
   const auto errors = [&](const Isometry3d& T_us_ct) {
-    return evaluate_targets(T_us_ct, own.T_us_ct_true, own.targets_us_mm);
+    return PoseErrors{evaluate_targets(T_us_ct, own.T_us_ct_true, own.targets_us_mm),
+                      evaluate_matched_targets(T_us_ct, own.targets_ct_mm, own.targets_us_mm)};
   };
   if (run.accepted() && run.result.covariance)
     run.expected = expected_tre_mm(*run.result.covariance, own.targets_us_mm, own.name);
@@ -182,6 +196,7 @@ StudyCase read_study_case(const std::filesystem::path& folder) {
   study_case.ultrasound = read_prescan_nrrd(folder / "us.nrrd");
   study_case.T_us_ct_true = read_T_us_ct(folder / "truth.tfm");
   study_case.targets_us_mm = read_points_mm(folder / "targets.csv");
+  study_case.targets_ct_mm = read_targets_ct_mm(folder, study_case);
   return study_case;
 }
 

@@ -60,13 +60,17 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
   group.runs = runs.size();
   group.bins = empty_bins(bin_edges_mm);
   std::vector<double> accepted_mm;
+  std::vector<double> physical_mm;
   std::vector<double> succeeded_mm;
   std::vector<double> seconds;
   for (const StudyRun* run : runs) {
     seconds.push_back(run->seconds());
-    const bool succeeded = run->after && run->after->mean_mm < kSuccessMm;
-    if (run->after) accepted_mm.push_back(run->after->mean_mm);
-    if (succeeded) succeeded_mm.push_back(run->after->mean_mm);
+    if (run->after) {
+      accepted_mm.push_back(run->after->rigid.mean_mm);
+      physical_mm.push_back(run->after->physical.mean_mm);
+    }
+    const bool succeeded = run->after && accepted_mm.back() < kSuccessMm;
+    if (succeeded) succeeded_mm.push_back(accepted_mm.back());
     count_in_bin(group.bins, run->trial.displacement_mm, succeeded);
   }
   for (std::size_t i = 0; i < GroupStatistics::kBelowMm.size(); ++i) {
@@ -77,6 +81,7 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
   }
   group.refused = group.runs - accepted_mm.size();
   group.accepted = spread_of(accepted_mm);
+  group.accepted_physical = spread_of(physical_mm);
   group.succeeded = spread_of(succeeded_mm);
   group.seconds = spread_of(seconds);
   return group;
@@ -178,7 +183,7 @@ std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>&
     ++negatives.runs;
     if (!run.accepted())
       ++negatives.refused[status_name(run.result.status)];
-    else if (run.after && run.after->mean_mm < kSuccessMm)
+    else if (run.after && run.after->rigid.mean_mm < kSuccessMm)
       ++negatives.accepted_right;
     else
       ++negatives.accepted_wrong;
@@ -196,9 +201,9 @@ Calibration calibration_of(const std::vector<StudyRun>& runs,
   std::vector<double> true_mm;
   for (const StudyRun& run : runs) {
     if (!run.after || !run.expected) continue;
-    pairs.push_back({run.expected->rms_mm, run.after->rms_mm});
+    pairs.push_back({run.expected->rms_mm, run.after->physical.rms_mm});
     expected_mm.push_back(run.expected->rms_mm);
-    true_mm.push_back(run.after->rms_mm);
+    true_mm.push_back(run.after->physical.rms_mm);
   }
   Calibration calibration;
   for (std::size_t i = 1; i < bin_edges_mm.size(); ++i) {

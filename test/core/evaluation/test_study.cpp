@@ -163,13 +163,15 @@ TEST(RunTrials, TellTheErrorsOfWhatWasFound) {
   std::size_t accepted = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     EXPECT_EQ(runs[i].case_name, cases[trials[i].us_case].name);
-    EXPECT_NEAR(runs[i].before->mean_mm, trials[i].displacement_mm, 1e-9);
-    EXPECT_NEAR(runs[i].candidates.at(0).mean_mm, trials[i].displacement_mm, 1e-9);
+    EXPECT_NEAR(runs[i].before->rigid.mean_mm, trials[i].displacement_mm, 1e-9);
+    EXPECT_NEAR(runs[i].candidates.at(0).rigid.mean_mm, trials[i].displacement_mm, 1e-9);
+    EXPECT_EQ(runs[i].candidates.at(0).physical.per_target_mm,
+              runs[i].candidates.at(0).rigid.per_target_mm);
     EXPECT_EQ(runs[i].after.has_value(), runs[i].accepted());
     EXPECT_EQ(runs[i].expected.has_value(), runs[i].accepted());
     if (!runs[i].accepted()) continue;
     ++accepted;
-    EXPECT_NEAR(runs[i].after->mean_mm, trials[i].displacement_mm, 1e-9);
+    EXPECT_NEAR(runs[i].after->rigid.mean_mm, trials[i].displacement_mm, 1e-9);
   }
   EXPECT_GT(accepted, 0U);
   EXPECT_LT(accepted, runs.size());
@@ -200,6 +202,26 @@ TEST(RunTrials, WithoutTruthThereAreNoErrors) {
                                         StudyThreads::kOverTrials, 1)) {
     EXPECT_EQ(run.before.has_value(), run.trial.kind == TrialKind::kFarStart);
     EXPECT_EQ(run.candidates.empty(), run.trial.kind != TrialKind::kFarStart);
+  }
+}
+
+// The first target was 3 mm deeper during the ultrasound than the rigid truth says, the others are
+// where it says. From the truth itself, the error is that of this target alone.
+TEST(RunTrials, ThePhysicalErrorIncludesTheDeformation) {
+  StudyCase deformed = small_case("a_1", 1);
+  deformed.targets_us_mm[0].y() += 3.0;
+  StudyOptions options;
+  options.starts = 1;
+  options.max_displacement_mm = 0.0;
+  const std::vector<StudyRun> runs = run_trials({deformed}, plan_trials({deformed}, options),
+                                                register_nothing, StudyThreads::kOverTrials, 1);
+  for (const PoseErrors& errors : {*runs[0].before, *runs[0].after, runs[0].candidates.at(0)}) {
+    EXPECT_NEAR(errors.rigid.max_mm, 0.0, 1e-9);
+    EXPECT_NEAR(errors.physical.per_target_mm[0], 3.0, 1e-9);
+    EXPECT_NEAR(errors.physical.mean_mm, 0.75, 1e-9);
+    EXPECT_NEAR(errors.physical.rms_mm, 1.5, 1e-9);
+    EXPECT_NEAR(errors.physical.median_mm, 0.0, 1e-9);
+    EXPECT_NEAR(errors.physical.max_mm, 3.0, 1e-9);
   }
 }
 
@@ -243,6 +265,12 @@ TEST(StudyCase, IsReadAsPhantomsAreWritten) {
   EXPECT_EQ(read.ultrasound.voxels, written.ultrasound.voxels);
   EXPECT_TRUE(read.T_us_ct_true.isApprox(written.T_us_ct_true, 1e-12));
   EXPECT_EQ(read.targets_us_mm, written.targets_us_mm);
+  EXPECT_EQ(read.targets_ct_mm, ct_points_mm(read.T_us_ct_true, read.targets_us_mm));
+  write_points_mm({{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, {10, 11, 12}}, folder / "targets_ct.csv");
+  EXPECT_EQ(read_study_case(folder).targets_ct_mm[2], Vector3d(7, 8, 9));
+  write_points_mm({{1, 2, 3}}, folder / "targets_ct.csv");
+  expect_input_error([&] { read_study_case(folder); },
+                     {"targets_ct.csv", "has 1 points", "as many as targets.csv, 4"});
   write_volume(written.ct, folder / "ct.mha");
   expect_input_error([&] { read_study_case(folder); }, {"has 2 of"});
 }
@@ -252,8 +280,9 @@ TEST(StudyReport, TablesHoldTheStatistics) {
                                    run_with_error("b", 2.5, 12.0, 8.0),
                                    run_with_error("b", -1.0, 19.0, 3.0)};
   const std::string table = accuracy_markdown(runs, {0.0, 10.0, 20.0});
-  EXPECT_NE(table.find("| b | 3 | 1 | 1.75 / 1.75 / 1.06 | 1.75 / 1.75 / 1.06 | 33.3 | 66.7 | 66.7 "
-                       "| 2.50 | 3.00 | 100.0 of 1 | 50.0 of 2 |"),
+  EXPECT_NE(table.find("| b | 3 | 1 | 1.75 / 1.75 / 1.06 | 1.75 / 1.75 / 1.06 | "
+                       "2.75 / 2.75 / 3.50 | 33.3 | 66.7 | 66.7 | 2.50 | 3.00 | 100.0 of 1 | "
+                       "50.0 of 2 |"),
             std::string::npos)
       << table;
   EXPECT_EQ(calibration_markdown(runs), "No accepted run tells an expected error.\n");
@@ -312,10 +341,13 @@ TEST(StudyReport, JsonTellsEveryRunAndNullForWhatIsUnknown) {
   EXPECT_EQ(first["status"], status_name(runs[0].result.status));
   EXPECT_EQ(first["options"]["depth_error"], "0.01");
   EXPECT_TRUE(first["overlap"].is_null());
-  EXPECT_EQ(first["before_tre_mm"]["mean"], runs[0].before->mean_mm);
-  EXPECT_EQ(first["candidates"][0]["tre_mm"]["max"], runs[0].candidates[0].max_mm);
+  EXPECT_EQ(first["before_tre_mm"]["mean"], runs[0].before->rigid.mean_mm);
+  EXPECT_EQ(first["before_physical_mm"]["median"], runs[0].before->physical.median_mm);
+  EXPECT_EQ(first["candidates"][0]["tre_mm"]["max"], runs[0].candidates[0].rigid.max_mm);
+  EXPECT_EQ(first["candidates"][0]["physical_mm"]["rms"], runs[0].candidates[0].physical.rms_mm);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(json["runs"][i]["tre_mm"].is_null(), !runs[i].accepted());
+    EXPECT_EQ(json["runs"][i]["physical_mm"].is_null(), !runs[i].accepted());
     EXPECT_EQ(json["runs"][i]["T_us_ct"].is_null(), !runs[i].accepted());
   }
 }

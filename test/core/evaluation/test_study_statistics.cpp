@@ -77,6 +77,8 @@ TEST(GroupStatistics, AreThoseOfAHandComputedExample) {
   EXPECT_DOUBLE_EQ(b.accepted.mean, 37.5 / 4.0);
   EXPECT_DOUBLE_EQ(b.accepted.median, 3.25);
   EXPECT_DOUBLE_EQ(b.accepted.max, 30.0);
+  EXPECT_DOUBLE_EQ(b.accepted_physical.mean, 41.5 / 4.0);
+  EXPECT_DOUBLE_EQ(b.accepted_physical.max, 31.0);
   EXPECT_DOUBLE_EQ(b.share_below[0], 0.2);
   EXPECT_DOUBLE_EQ(b.share_below[1], 0.4);
   EXPECT_DOUBLE_EQ(b.success_rate(), 0.6);
@@ -125,10 +127,10 @@ TEST(NegativeStatistics, CountEveryAcceptanceWithoutTruthAsWrong) {
   EXPECT_EQ(statistics_by_group(runs, {})[0].runs, 3U);
 }
 
-TEST(Calibration, ComparesExpectedWithTrueErrors) {
+TEST(Calibration, ComparesExpectedWithPhysicalErrors) {
   std::vector<StudyRun> runs;
-  const auto add = [&](double expected_mm, double true_mm) {
-    runs.push_back(run_with_error("a", true_mm));
+  const auto add = [&](double expected_mm, double physical_mm) {
+    runs.push_back(run_with_error("a", physical_mm - 1.0));
     runs.back().expected = ExpectedTargetErrors{expected_mm, expected_mm};
   };
   add(1.0, 3.0);
