@@ -11,8 +11,8 @@
 /// Reports of a study: Markdown for people, JSON for programs.
 namespace usct {
 
-/// Markdown tables of the runs with truth, by group: errors, rates, time, and success by
-/// displacement of the start.
+/// Markdown tables of the runs from starts near the truth, by group: errors, rates, time, and
+/// success by displacement of the start.
 std::string accuracy_markdown(const std::vector<StudyRun>& runs,
                               const std::vector<double>& bin_edges_mm);
 
@@ -22,7 +22,7 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
 std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
                             const BeamOptions& beams = {});
 
-/// Table of negative trials, by kind.
+/// Table of negative trials, by kind; empty if there is none.
 std::string negatives_markdown(const std::vector<StudyRun>& runs);
 
 /// Table of expected against physical errors; one line if no run has both.

@@ -37,7 +37,7 @@ struct DisplacementBin {
   std::size_t succeeded = 0;
 };
 
-/// Runs that have a truth.
+/// Runs from starts near the truth.
 struct GroupStatistics {
   std::string name;
   std::size_t runs = 0;
@@ -54,12 +54,18 @@ struct GroupStatistics {
   double success_rate() const { return share_below.back(); }
 };
 
-/// Statistics of runs with truth, by group or by case, in the order of names.
+/// Statistics of the runs of kind kStart, by group or by case, in the order of names.
 /// `bin_edges_mm` rise; starts outside are in no bin.
 std::vector<GroupStatistics> statistics_by_group(const std::vector<StudyRun>& runs,
                                                  const std::vector<double>& bin_edges_mm);
 std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& runs,
                                                 const std::vector<double>& bin_edges_mm);
+
+/// Upper end of the exact one-sided 95 % confidence interval (Clopper and Pearson 1934) of a
+/// probability, if it happened `count` times in `runs` independent trials: the probability with
+/// which so few would be seen in 5 % of all studies. 1 if all trials did, NaN if there is none.
+/// Throws InputError if `count` exceeds `runs`.
+double share_upper_bound(std::size_t count, std::size_t runs);
 
 /// Negative trials of one kind.
 struct NegativeStatistics {
@@ -70,6 +76,8 @@ struct NegativeStatistics {
   std::size_t accepted_right = 0;
   /// Number of accepted runs that have no truth, or an error of kSuccessMm or more.
   std::size_t accepted_wrong = 0;
+  /// Upper end of the exact 95 % interval of the share that is accepted and wrong.
+  double wrong_share_bound() const { return share_upper_bound(accepted_wrong, runs); }
 };
 /// Statistics of each kind that occurs, in the order of TrialKind.
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs);

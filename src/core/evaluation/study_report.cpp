@@ -211,8 +211,8 @@ std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vect
 std::string negatives_markdown(const std::vector<StudyRun>& runs) {
   const std::vector<NegativeStatistics> kinds = negative_statistics(runs);
   if (kinds.empty()) return "";
-  std::string table =
-      header({"negative trials", "runs", "refused", "accepted, right", "accepted, wrong"});
+  std::string table = header({"negative trials", "runs", "refused", "accepted, right",
+                              "accepted, wrong", "wrong: share, 95 % upper bound (%)"});
   NegativeStatistics all;
   const auto refusals = [](const NegativeStatistics& kind) {
     std::size_t count = 0;
@@ -226,7 +226,9 @@ std::string negatives_markdown(const std::vector<StudyRun>& runs) {
   const auto counts = [&](const std::string& name, const NegativeStatistics& kind) {
     return row({name, std::to_string(kind.runs), refusals(kind),
                 has_truth(kind.kind) ? std::to_string(kind.accepted_right) : "-",
-                std::to_string(kind.accepted_wrong)});
+                std::to_string(kind.accepted_wrong),
+                percent(static_cast<double>(kind.accepted_wrong) / static_cast<double>(kind.runs)) +
+                    ", " + number(100.0 * kind.wrong_share_bound())});
   };
   all.kind = TrialKind::kFarStart;
   for (const NegativeStatistics& kind : kinds) {

@@ -1,6 +1,7 @@
 #include "us_ct_registration/evaluation/study_statistics.h"
 
 #include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -93,7 +94,7 @@ std::vector<GroupStatistics> statistics_by(const std::vector<StudyRun>& runs,
                                            const NameOf& name_of) {
   std::map<std::string, std::vector<const StudyRun*>> runs_of;
   for (const StudyRun& run : runs)
-    if (has_truth(run.trial.kind)) runs_of[name_of(run)].push_back(&run);
+    if (run.trial.kind == TrialKind::kStart) runs_of[name_of(run)].push_back(&run);
   std::vector<GroupStatistics> groups;
   groups.reserve(runs_of.size());
   for (const auto& [name, of_group] : runs_of)
@@ -172,6 +173,16 @@ std::vector<GroupStatistics> statistics_by_group(const std::vector<StudyRun>& ru
 std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& runs,
                                                 const std::vector<double>& bin_edges_mm) {
   return statistics_by(runs, bin_edges_mm, [](const StudyRun& run) { return run.case_name; });
+}
+
+double share_upper_bound(std::size_t count, std::size_t runs) {
+  if (count > runs)
+    throw InputError("share", "is of " + std::to_string(count) + " in " + std::to_string(runs) +
+                                  ", must be of at most all");
+  if (runs == 0) return kNaN;
+  if (count == runs) return 1.0;
+  return boost::math::binomial_distribution<>::find_upper_bound_on_p(
+      static_cast<double>(runs), static_cast<double>(count), 0.05);
 }
 
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs) {

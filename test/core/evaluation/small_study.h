@@ -32,6 +32,16 @@ inline StudyCase small_case(const std::string& name, int number) {
   return study_case;
 }
 
+/// A case of which only the CT is used.
+inline StudyCase small_stranger(const std::string& name, int number) {
+  StudyCase stranger;
+  stranger.name = name;
+  stranger.is_stranger = true;
+  stranger.ct = small_case(name, number).ct;
+  stranger.targets_ct_mm = small_case(name, number).targets_ct_mm;
+  return stranger;
+}
+
 /// Two groups: a_1, a_2, a_3 and b_1, b_2.
 inline std::vector<StudyCase> small_cases() {
   return {small_case("a_1", 1), small_case("a_2", 2), small_case("b_1", 3), small_case("a_3", 4),
