@@ -21,7 +21,10 @@ namespace {
 
 struct StudyCommand {
   std::vector<std::string> folders;
+  std::vector<std::string> strangers;
   StudyOptions study;
+  bool negatives = false;
+  std::vector<std::string> kinds;
   double max_rotation_deg = 30.0;
   double box_mm = -1.0;
   double box_deg = -1.0;
@@ -36,7 +39,18 @@ struct StudyCommand {
   bool quiet = false;
 };
 
+/// The kinds that are named, or all negative ones (with strangers, if there are any).
+std::vector<TrialKind> kinds_of(const StudyCommand& command) {
+  std::vector<TrialKind> kinds;
+  for (const std::string& name : command.kinds) kinds.push_back(parse_kind(name, "--kinds"));
+  if (command.negatives)
+    for (const TrialKind kind : negative_kinds())
+      if (kind != TrialKind::kStranger || !command.strangers.empty()) kinds.push_back(kind);
+  return kinds;
+}
+
 void complete(StudyCommand& command) {
+  if (command.negatives || !command.kinds.empty()) command.study.kinds = kinds_of(command);
   command.study.max_rotation_rad = command.max_rotation_deg * kDegree;
   if (command.box_mm >= 0.0 || command.box_deg >= 0.0)
     command.study.box =
@@ -58,7 +72,8 @@ std::vector<double> bin_edges_mm(const StudyOptions& study, const std::vector<Tr
   double high_mm = study.max_displacement_mm;
   if (study.box) {
     low_mm = high_mm = 0.0;
-    for (const Trial& trial : trials) high_mm = std::max(high_mm, trial.displacement_mm);
+    for (const Trial& trial : trials)
+      if (trial.kind == TrialKind::kStart) high_mm = std::max(high_mm, trial.displacement_mm);
     high_mm = std::max(1.0, std::ceil(high_mm / study.bins)) * study.bins;
   }
   std::vector<double> edges_mm;
@@ -94,13 +109,22 @@ std::string as_text(double value) {
   return buffer.data();
 }
 
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
 /// Properties that tell one study from another, for its JSON.
 std::map<std::string, std::string> description(const StudyCommand& command) {
+  std::vector<std::string> kinds;
+  for (const TrialKind kind : command.study.kinds) kinds.emplace_back(kind_name(kind));
   std::map<std::string, std::string> study{
       {"options", command.options.empty() ? "preset " + command.preset : command.options},
       {"starts", std::to_string(command.study.starts)},
       {"seed", std::to_string(command.study.seed)},
-      {"negatives", command.study.negatives ? "true" : "false"},
+      {"kinds", joined(kinds)},
+      {"strangers", joined(command.strangers)},
       {"parallel_beams_mm", as_text(command.parallel_beams_mm)},
       {"one_after_other", command.one_after_other ? "true" : "false"}};
   if (command.study.box) {
@@ -116,10 +140,11 @@ std::map<std::string, std::string> description(const StudyCommand& command) {
 
 void print_tables(const StudyCommand& command, const std::vector<StudyCase>& cases,
                   const std::vector<Trial>& trials, const std::vector<StudyRun>& runs) {
-  if (command.study.negatives) {
-    std::printf("%s", negatives_markdown(runs).c_str());
-    return;
-  }
+  const std::string negatives = negatives_markdown(runs);
+  std::printf("%s", negatives.c_str());
+  const std::vector<TrialKind>& kinds = command.study.kinds;
+  if (std::find(kinds.begin(), kinds.end(), TrialKind::kStart) == kinds.end()) return;
+  if (!negatives.empty()) std::printf("\n");
   std::printf("%s\n", accuracy_markdown(runs, bin_edges_mm(command.study, trials)).c_str());
   if (command.thesis_table)
     std::printf("%s\n", thesis_markdown(cases, runs, beams_for(command)).c_str());
@@ -131,6 +156,7 @@ int run_study(StudyCommand command) {
   const Register register_one = registers_with(command);
   std::vector<StudyCase> cases;
   for (const std::string& folder : command.folders) cases.push_back(read_study_case(folder));
+  for (const std::string& folder : command.strangers) cases.push_back(read_stranger(folder));
   const std::vector<Trial> trials = plan_trials(cases, command.study);
   const std::vector<StudyRun> runs =
       run_trials(cases, trials, register_one,
@@ -145,8 +171,7 @@ int run_study(StudyCommand command) {
 void add_start_options(CLI::App& app, StudyCommand& command) {
   CLI::App* group = app.add_option_group("Starts");
   StudyOptions& o = command.study;
-  group->add_option("--starts", o.starts, "per case; with --negatives per case and kind")
-      ->capture_default_str();
+  group->add_option("--starts", o.starts, "per case and kind of trial")->capture_default_str();
   CLI::Option* low = group->add_option("--min-displacement", o.min_displacement_mm,
                                        "least mean displacement of the targets, mm");
   CLI::Option* high = group->add_option("--max-displacement", o.max_displacement_mm,
@@ -164,11 +189,28 @@ void add_start_options(CLI::App& app, StudyCommand& command) {
             "--box-deg", command.box_deg,
             "... and angles about these axes through the targets' centroid, degrees")})
     option->check(CLI::NonNegativeNumber)->excludes(low)->excludes(high)->excludes(angle);
-  group->add_flag(
-      "--negatives", o.negatives,
-      "registrations that must be refused: with the CT of another case of the group, of "
-      "mirrored ultrasound, without overlap, of speckle only, from 60-100 mm");
   group->add_option("--seed", o.seed, "of the starts")->capture_default_str();
+}
+
+void add_kind_options(CLI::App& app, StudyCommand& command) {
+  CLI::App* group = app.add_option_group("Kinds of trials");
+  CLI::Option* negatives = group->add_flag(
+      "--negatives", command.negatives,
+      "all kinds of registrations that must be refused, in place of starts near the truth: with "
+      "the CT of another case of the group (mismatched); of ultrasound with its lines (mirrored), "
+      "its frames (frames-reversed) or both (half-turn) in reverse order; with the CT mirrored "
+      "(ct-mirrored) or its second and third axes exchanged (ct-axes-swapped); without overlap "
+      "(no-overlap); of speckle only (noise); from 60-100 mm (far-start); with --strangers, with "
+      "their CTs (stranger)");
+  group
+      ->add_option("--kinds", command.kinds,
+                   "only these kinds, separated by commas; 'start' is one from near the truth")
+      ->delimiter(',')
+      ->excludes(negatives);
+  group->add_option("--strangers", command.strangers,
+                    "folders of which only the CT is used, in turn, each with its kidney where "
+                    "that of the case would be: cases, or folders with ct.* and targets_ct.csv, "
+                    "points around the kidney (x,y,z, LPS mm)");
 }
 
 }  // namespace
@@ -179,9 +221,13 @@ void add_study_command(CLI::App& app, Run& run) {
       "Registers cases with known truth from many starts, and tells how far off the results are.\n"
       "Prints Markdown tables by group (the case's name up to its first '_') of target "
       "registration\n"
-      "errors (TRE), mm, over targets.csv. A run succeeds if it is accepted with a TRE below 5 "
-      "mm;\n"
-      "shares are of all runs, so that a refusal is no success.");
+      "errors (TRE), mm, over targets.csv, against truth.tfm; and of physical errors, which are "
+      "the\n"
+      "distances of the targets from their positions in targets_ct.csv, deformation included. "
+      "Without\n"
+      "that file they are the TRE. A run succeeds if it is accepted with a TRE below 5 mm; shares "
+      "are\n"
+      "of all runs, so that a refusal is no success.");
   auto command = std::make_shared<StudyCommand>();
   sub->add_option("cases", command->folders, "folders as `usct phantom` writes them")->required();
   CLI::Option* preset = sub->add_option("--preset", command->preset,
@@ -195,6 +241,7 @@ void add_study_command(CLI::App& app, Run& run) {
                   "spacing, mm (the thesis' variant A)")
       ->check(CLI::PositiveNumber);
   add_start_options(*sub, *command);
+  add_kind_options(*sub, *command);
   sub->add_option("--threads", command->threads,
                   "registrations at the same time, each on one thread [all cores]")
       ->check(CLI::PositiveNumber);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
@@ -23,7 +24,7 @@ std::map<std::string, Runs> by_group(const std::vector<StudyRun>& runs) {
 /// runs that must have been refused, which have no truth.
 double badness(const StudyRun& run) {
   if (!run.accepted()) return -1.0;
-  return run.after ? run.after->mean_mm : 1e9;
+  return run.after ? run.after->rigid.mean_mm : 1e9;
 }
 
 void write_pictures_of(const std::vector<StudyCase>& cases, const StudyRun& run,
@@ -31,15 +32,13 @@ void write_pictures_of(const std::vector<StudyCase>& cases, const StudyRun& run,
   const Ultrasound ultrasound = trial_ultrasound(cases, run.trial);
   RegistrationPictureOptions options;
   options.axes_us = picture_axes(ultrasound);
-  Eigen::Vector3d centre_mm = Eigen::Vector3d::Zero();
-  const auto& targets = cases[run.trial.us_case].targets_us_mm;
-  for (const Eigen::Vector3d& p : targets) centre_mm += p / static_cast<double>(targets.size());
-  options.centre_us_mm = centre_mm;
+  options.centre_us_mm = cases[run.trial.us_case].centre_us_mm();
   CompoundOptions compounding;
   compounding.hole_fill_radius_mm = 2.0;
+  const std::optional<CtVolume> altered = altered_ct(cases, run.trial);
   write_registration_pictures(in_space(ultrasound, kPictureSpacingMm, compounding),
-                              cases[run.trial.ct_case].ct, run.trial.T_us_ct_initial, run.result,
-                              folder, options);
+                              altered ? *altered : cases[run.trial.ct_case].ct,
+                              run.trial.T_us_ct_initial, run.result, folder, options);
 }
 
 }  // namespace

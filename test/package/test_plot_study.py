@@ -20,6 +20,7 @@ def run(group, mean_mm=None, expected_mm=None):
     """A run of a study; refused without `mean_mm`."""
     return {"group": group,
             "tre_mm": None if mean_mm is None else {"mean": mean_mm, "rms": 1.5 * mean_mm, "max": 2 * mean_mm},
+            "physical_mm": None if mean_mm is None else {"mean": 2 * mean_mm, "rms": 3 * mean_mm, "max": 4 * mean_mm},
             "expected_tre_mm": None if expected_mm is None else {"rms": expected_mm, "max": 2 * expected_mm}}
 
 
@@ -38,9 +39,9 @@ class PlotStudy(unittest.TestCase):
         self.assertEqual(errors_mm, [0.5, 2.0, 30.0])
         self.assertEqual(percent, [25.0, 50.0, 75.0])
 
-    def test_calibration_takes_runs_with_both_errors(self):
+    def test_calibration_takes_the_physical_errors_of_runs_with_both(self):
         runs = [run("a", 2.0, 2.5), run("a", 2.0), run("a", None, 1.0)]
-        self.assertEqual(plot_study.expected_and_true(runs), [(2.5, 3.0)])
+        self.assertEqual(plot_study.expected_and_physical(runs), [(2.5, 6.0)])
 
     def test_groups_are_those_of_the_runs(self):
         groups = plot_study.runs_by_group({"runs": [run("b"), run("a", 1.0), run("b", 2.0)]})

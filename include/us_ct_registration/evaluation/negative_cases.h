@@ -7,12 +7,31 @@
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
-/// Ultrasound and starts without a right registration; the registration must refuse them.
+/// Images and starts without a right registration near the start; the registration must refuse
+/// them.
 namespace usct {
 
 /// The same acquisition with the lines of each frame in reverse order: anatomy mirrored, as by a
-/// probe held the wrong way round.
-PreScanVolume mirrored(const PreScanVolume& ultrasound);
+/// picture that is flipped.
+PreScanVolume lines_reversed(const PreScanVolume& ultrasound);
+
+/// The same acquisition with its frames in reverse order: anatomy mirrored, as by a sweep that ran
+/// the other way.
+PreScanVolume frames_reversed(const PreScanVolume& ultrasound);
+
+/// The rigid motion of the US frame that maps what an acquisition shows to where the same samples
+/// are after both lines and frames were reversed: half a turn about the axis of the probe. It is
+/// exact if lines and frames lie symmetrically, as those of a motorised probe do, else the best
+/// rigid fit. Throws InputError if the geometry is invalid.
+Eigen::Isometry3d half_turn(const ScanGeometry& ultrasound);
+
+/// The CT mirrored, left for right (the x axis of LPS), with the point `centre_ct_mm` in place.
+CtVolume mirrored_ct(CtVolume ct, const Eigen::Vector3d& centre_ct_mm);
+
+/// The CT as if its second and third axes had been taken for each other: the rows of voxels along
+/// either axis lie along the other, with their own spacing, and the point `centre_ct_mm` is in
+/// place.
+CtVolume axes_swapped_ct(CtVolume ct, const Eigen::Vector3d& centre_ct_mm);
 
 /// The size of speckle: standard deviations of the Gaussian point spread.
 struct SpeckleOptions {

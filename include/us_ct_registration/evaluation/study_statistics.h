@@ -7,7 +7,8 @@
 
 #include "us_ct_registration/evaluation/study.h"
 
-/// Statistics of the runs of a study. Errors are mean TRE (over the targets of a case), in mm.
+/// Statistics of the runs of a study. Errors are means over the targets of a case, in mm, against
+/// the rigid truth unless they are called physical.
 namespace usct {
 
 /// A run has succeeded, or converged, if it was accepted with an error below this.
@@ -36,13 +37,14 @@ struct DisplacementBin {
   std::size_t succeeded = 0;
 };
 
-/// Runs that have a truth.
+/// Runs from starts near the truth.
 struct GroupStatistics {
   std::string name;
   std::size_t runs = 0;
   std::size_t refused = 0;
   Spread succeeded;  // errors
   Spread accepted;
+  Spread accepted_physical;
   /// Share of all runs, refused ones too, that were accepted with an error below 2, 3 and 5 mm.
   static constexpr std::array<double, 3> kBelowMm{2.0, 3.0, kSuccessMm};
   std::array<double, 3> share_below{};
@@ -52,12 +54,18 @@ struct GroupStatistics {
   double success_rate() const { return share_below.back(); }
 };
 
-/// Statistics of runs with truth, by group or by case, in the order of names.
+/// Statistics of the runs of kind kStart, by group or by case, in the order of names.
 /// `bin_edges_mm` rise; starts outside are in no bin.
 std::vector<GroupStatistics> statistics_by_group(const std::vector<StudyRun>& runs,
                                                  const std::vector<double>& bin_edges_mm);
 std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& runs,
                                                 const std::vector<double>& bin_edges_mm);
+
+/// Upper end of the exact one-sided 95 % confidence interval (Clopper and Pearson 1934) of a
+/// probability, if it happened `count` times in `runs` independent trials: the probability with
+/// which so few would be seen in 5 % of all studies. 1 if all trials did, NaN if there is none.
+/// Throws InputError if `count` exceeds `runs`.
+double share_upper_bound(std::size_t count, std::size_t runs);
 
 /// Negative trials of one kind.
 struct NegativeStatistics {
@@ -68,12 +76,14 @@ struct NegativeStatistics {
   std::size_t accepted_right = 0;
   /// Number of accepted runs that have no truth, or an error of kSuccessMm or more.
   std::size_t accepted_wrong = 0;
+  /// Upper end of the exact 95 % interval of the share that is accepted and wrong.
+  double wrong_share_bound() const { return share_upper_bound(accepted_wrong, runs); }
 };
 /// Statistics of each kind that occurs, in the order of TrialKind.
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs);
 
-/// Expected against true errors, both RMS over the targets of a case, of accepted runs that have
-/// both.
+/// Expected against physical errors, both RMS over the targets of a case, of accepted runs that
+/// have both.
 struct CalibrationBin {
   /// Expected errors in [low_mm, high_mm).
   double low_mm = 0.0;

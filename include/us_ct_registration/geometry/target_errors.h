@@ -19,9 +19,22 @@ struct TargetErrors {
   std::vector<double> per_target_mm;
 };
 
-/// The CT point of a target p (US frame, mm) is `T_us_ct_true^-1 p`; the registration puts it at
-/// `T_us_ct T_us_ct_true^-1 p`, and the error is its distance from p. It does not depend on the
-/// frame of the CT. Throws InputError if there is no target, one is not finite, or a pose is not.
+/// The physical error of matched points (mm): target i is at `points_ct_mm[i]` in the CT and was at
+/// `points_us_mm[i]` in the US frame during the ultrasound, deformation included. The registration
+/// puts it at `T_us_ct points_ct_mm[i]`, and the error is its distance from `points_us_mm[i]`.
+/// Throws InputError if there is no target, the numbers of points differ, a point is not finite, or
+/// the pose is not.
+TargetErrors evaluate_matched_targets(const Eigen::Isometry3d& T_us_ct,
+                                      const std::vector<Eigen::Vector3d>& points_ct_mm,
+                                      const std::vector<Eigen::Vector3d>& points_us_mm);
+
+/// The points of the CT that a rigid pose puts at `points_us_mm`: `T_us_ct^-1 p`, mm.
+std::vector<Eigen::Vector3d> ct_points_mm(const Eigen::Isometry3d& T_us_ct,
+                                          const std::vector<Eigen::Vector3d>& points_us_mm);
+
+/// The error against a rigid truth, which is the physical error if nothing deformed: the CT point
+/// of a target p (US frame, mm) is `T_us_ct_true^-1 p`. It does not depend on the frame of the CT.
+/// Throws InputError if there is no target, one is not finite, or a pose is not.
 TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
                               const Eigen::Isometry3d& T_us_ct_true,
                               const std::vector<Eigen::Vector3d>& points_us_mm);

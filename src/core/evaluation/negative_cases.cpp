@@ -6,6 +6,7 @@
 #include "phantom/random.h"
 #include "require.h"
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/registration/landmarks.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct {
@@ -82,6 +83,35 @@ Volume<float> speckle_db(const Grid& grid, std::uint64_t seed, const SpeckleOpti
   return real;
 }
 
+struct BeamIndex {
+  int frame;
+  int line;
+};
+
+/// The acquisition with each beam's samples taken from the beam `source(frame, line)`.
+template <typename Source>
+PreScanVolume rearranged(const PreScanVolume& ultrasound, const Source& source) {
+  ultrasound.validate("ultrasound");
+  PreScanVolume result = ultrasound;
+  for (int f = 0; f < ultrasound.geometry.frames(); ++f)
+    for (int l = 0; l < ultrasound.geometry.lines(); ++l) {
+      const BeamIndex beam = source(f, l);
+      std::copy_n(ultrasound.voxels.begin() +
+                      static_cast<std::ptrdiff_t>(ultrasound.offset(0, beam.line, beam.frame)),
+                  ultrasound.geometry.samples(),
+                  result.voxels.begin() + static_cast<std::ptrdiff_t>(result.offset(0, l, f)));
+    }
+  return result;
+}
+
+/// The same voxels with other directions of the index axes; the voxel at `centre_mm` stays there.
+CtVolume turned_about(CtVolume ct, const Eigen::Matrix3d& direction, const Vector3d& centre_mm) {
+  const Vector3d index = ct.grid.index_from_physical(centre_mm);
+  ct.grid.direction = direction;
+  ct.grid.origin_mm += centre_mm - ct.grid.physical_from_index(index);
+  return ct;
+}
+
 struct Ball {
   Vector3d centre_mm;
   double radius_mm;
@@ -93,17 +123,43 @@ Ball ball_around(const Eigen::AlignedBox3d& box_mm) {
 
 }  // namespace
 
-PreScanVolume mirrored(const PreScanVolume& ultrasound) {
-  ultrasound.validate("ultrasound");
-  PreScanVolume result = ultrasound;
-  const int lines = ultrasound.geometry.lines();
-  for (int f = 0; f < ultrasound.geometry.frames(); ++f)
-    for (int l = 0; l < lines; ++l)
-      std::copy_n(ultrasound.voxels.begin() +
-                      static_cast<std::ptrdiff_t>(ultrasound.offset(0, lines - 1 - l, f)),
-                  ultrasound.geometry.samples(),
-                  result.voxels.begin() + static_cast<std::ptrdiff_t>(result.offset(0, l, f)));
-  return result;
+PreScanVolume lines_reversed(const PreScanVolume& ultrasound) {
+  const int last = ultrasound.geometry.lines() - 1;
+  return rearranged(ultrasound, [last](int frame, int line) {
+    return BeamIndex{frame, last - line};
+  });
+}
+
+PreScanVolume frames_reversed(const PreScanVolume& ultrasound) {
+  const int last = ultrasound.geometry.frames() - 1;
+  return rearranged(ultrasound, [last](int frame, int line) {
+    return BeamIndex{last - frame, line};
+  });
+}
+
+Isometry3d half_turn(const ScanGeometry& ultrasound) {
+  const BeamGrid beams = beam_grid(ultrasound);
+  std::vector<Vector3d> before;
+  std::vector<Vector3d> after;
+  for (int f = 0; f < beams.frames; ++f)
+    for (const int l : {0, beams.lines - 1})
+      for (const int s : {0, beams.samples() - 1}) {
+        before.push_back(beams.point(f, l, s));
+        after.push_back(beams.point(beams.frames - 1 - f, beams.lines - 1 - l, s));
+      }
+  return align_landmarks(after, before).T_target_source;
+}
+
+CtVolume mirrored_ct(CtVolume ct, const Vector3d& centre_ct_mm) {
+  Eigen::Matrix3d direction = ct.grid.direction;
+  direction.row(0) *= -1.0;
+  return turned_about(std::move(ct), direction, centre_ct_mm);
+}
+
+CtVolume axes_swapped_ct(CtVolume ct, const Vector3d& centre_ct_mm) {
+  Eigen::Matrix3d direction = ct.grid.direction;
+  direction.col(1).swap(direction.col(2));
+  return turned_about(std::move(ct), direction, centre_ct_mm);
 }
 
 void SpeckleOptions::validate(const std::string& source) const {

@@ -80,16 +80,23 @@ std::pair<std::string, std::string> size_and_spacing(const PreScanVolume& ultras
 Json number_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json errors_json(const TargetErrors& errors) {
-  return {{"mean", errors.mean_mm}, {"rms", errors.rms_mm}, {"max", errors.max_mm}};
+  return {{"mean", errors.mean_mm},
+          {"rms", errors.rms_mm},
+          {"median", errors.median_mm},
+          {"max", errors.max_mm}};
 }
 
-Json errors_json(const ExpectedTargetErrors& errors) {
-  return {{"rms", errors.rms_mm}, {"max", errors.max_mm}};
+Json rigid_json(const PoseErrors* errors) {
+  return errors == nullptr ? Json(nullptr) : errors_json(errors->rigid);
 }
 
-template <typename Errors>
-Json errors_json(const std::optional<Errors>& errors) {
-  return errors ? errors_json(*errors) : Json(nullptr);
+Json physical_json(const PoseErrors* errors) {
+  return errors == nullptr ? Json(nullptr) : errors_json(errors->physical);
+}
+
+template <typename T>
+const T* pointer_to(const std::optional<T>& value) {
+  return value ? &*value : nullptr;
 }
 
 Json pose_json(const Eigen::Isometry3d& T) {
@@ -99,12 +106,19 @@ Json pose_json(const Eigen::Isometry3d& T) {
 
 Json candidates_json(const StudyRun& run) {
   Json list = Json::array();
-  for (std::size_t i = 0; i < run.result.candidates.size(); ++i)
-    list.push_back(
-        {{"similarity", number_json(run.result.candidates[i].similarity)},
-         {"overlap", number_json(run.result.candidates[i].overlap)},
-         {"tre_mm", run.candidates.empty() ? Json(nullptr) : errors_json(run.candidates[i])}});
+  for (std::size_t i = 0; i < run.result.candidates.size(); ++i) {
+    const PoseErrors* errors = run.candidates.empty() ? nullptr : &run.candidates[i];
+    list.push_back({{"similarity", number_json(run.result.candidates[i].similarity)},
+                    {"overlap", number_json(run.result.candidates[i].overlap)},
+                    {"tre_mm", rigid_json(errors)},
+                    {"physical_mm", physical_json(errors)}});
+  }
   return list;
+}
+
+Json expected_json(const StudyRun& run) {
+  if (!run.expected) return nullptr;
+  return {{"rms", run.expected->rms_mm}, {"max", run.expected->max_mm}};
 }
 
 Json run_json(const StudyRun& run) {
@@ -118,9 +132,11 @@ Json run_json(const StudyRun& run) {
           {"status", status_name(run.result.status)},
           {"message", run.result.message},
           {"T_us_ct", run.accepted() ? pose_json(*run.result.T_us_ct) : Json(nullptr)},
-          {"before_tre_mm", errors_json(run.before)},
-          {"tre_mm", errors_json(run.after)},
-          {"expected_tre_mm", errors_json(run.expected)},
+          {"before_tre_mm", rigid_json(pointer_to(run.before))},
+          {"before_physical_mm", physical_json(pointer_to(run.before))},
+          {"tre_mm", rigid_json(pointer_to(run.after))},
+          {"physical_mm", physical_json(pointer_to(run.after))},
+          {"expected_tre_mm", expected_json(run)},
           {"similarity", number_json(run.result.similarity)},
           {"overlap", number_json(run.result.overlap)},
           {"candidates", candidates_json(run)},
@@ -141,6 +157,7 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
                                   "refused",
                                   "TRE of successes, mean / median / STD (mm)",
                                   "TRE of accepted, mean / median / STD (mm)",
+                                  "physical error of accepted, mean / median / worst (mm)",
                                   "< 2 mm (%)",
                                   "< 3 mm (%)",
                                   "< 5 mm (%)",
@@ -151,11 +168,17 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
   const auto spread = [](const Spread& errors) {
     return number(errors.mean) + " / " + number(errors.median) + " / " + number(errors.deviation);
   };
+  const auto worst = [](const Spread& errors) {
+    return number(errors.mean) + " / " + number(errors.median) + " / " + number(errors.max);
+  };
   std::string table = header(titles);
   for (const GroupStatistics& group : groups) {
-    std::vector<std::string> cells{group.name, std::to_string(group.runs),
-                                   std::to_string(group.refused), spread(group.succeeded),
-                                   spread(group.accepted)};
+    std::vector<std::string> cells{group.name,
+                                   std::to_string(group.runs),
+                                   std::to_string(group.refused),
+                                   spread(group.succeeded),
+                                   spread(group.accepted),
+                                   worst(group.accepted_physical)};
     for (const double share : group.share_below) cells.push_back(percent(share));
     cells.push_back(number(group.accepted.max));
     cells.push_back(number(group.seconds.median));
@@ -188,8 +211,8 @@ std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vect
 std::string negatives_markdown(const std::vector<StudyRun>& runs) {
   const std::vector<NegativeStatistics> kinds = negative_statistics(runs);
   if (kinds.empty()) return "";
-  std::string table =
-      header({"negative trials", "runs", "refused", "accepted, right", "accepted, wrong"});
+  std::string table = header({"negative trials", "runs", "refused", "accepted, right",
+                              "accepted, wrong", "wrong: share, 95 % upper bound (%)"});
   NegativeStatistics all;
   const auto refusals = [](const NegativeStatistics& kind) {
     std::size_t count = 0;
@@ -203,7 +226,9 @@ std::string negatives_markdown(const std::vector<StudyRun>& runs) {
   const auto counts = [&](const std::string& name, const NegativeStatistics& kind) {
     return row({name, std::to_string(kind.runs), refusals(kind),
                 has_truth(kind.kind) ? std::to_string(kind.accepted_right) : "-",
-                std::to_string(kind.accepted_wrong)});
+                std::to_string(kind.accepted_wrong),
+                percent(static_cast<double>(kind.accepted_wrong) / static_cast<double>(kind.runs)) +
+                    ", " + number(100.0 * kind.wrong_share_bound())});
   };
   all.kind = TrialKind::kFarStart;
   for (const NegativeStatistics& kind : kinds) {
@@ -220,8 +245,8 @@ std::string calibration_markdown(const std::vector<StudyRun>& runs) {
   const Calibration calibration = calibration_of(runs);
   if (calibration.all.runs == 0) return "No accepted run tells an expected error.\n";
   std::string table =
-      header({"expected RMS TRE (mm)", "runs", "mean expected (mm)", "mean true (mm)",
-              "RMS true / RMS expected", "true <= 2 x expected (%)"});
+      header({"expected RMS error (mm)", "runs", "mean expected (mm)", "mean physical (mm)",
+              "RMS physical / RMS expected", "physical <= 2 x expected (%)"});
   const auto cells = [](const std::string& name, const CalibrationBin& bin) {
     return row({name, std::to_string(bin.runs), number(bin.mean_expected_mm),
                 number(bin.mean_true_mm), number(bin.rms_ratio), percent(bin.share_within_twice)});
@@ -231,7 +256,7 @@ std::string calibration_markdown(const std::vector<StudyRun>& runs) {
                                      : text("%g and more", bin.low_mm),
                    bin);
   return table + cells("all", calibration.all) + "\nRank correlation (Spearman) of expected and " +
-         "true errors: " + number(calibration.rank_correlation) + "\n";
+         "physical errors: " + number(calibration.rank_correlation) + "\n";
 }
 
 void write_study_json(const std::vector<StudyRun>& runs,

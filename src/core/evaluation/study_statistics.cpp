@@ -1,6 +1,7 @@
 #include "us_ct_registration/evaluation/study_statistics.h"
 
 #include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -60,13 +61,17 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
   group.runs = runs.size();
   group.bins = empty_bins(bin_edges_mm);
   std::vector<double> accepted_mm;
+  std::vector<double> physical_mm;
   std::vector<double> succeeded_mm;
   std::vector<double> seconds;
   for (const StudyRun* run : runs) {
     seconds.push_back(run->seconds());
-    const bool succeeded = run->after && run->after->mean_mm < kSuccessMm;
-    if (run->after) accepted_mm.push_back(run->after->mean_mm);
-    if (succeeded) succeeded_mm.push_back(run->after->mean_mm);
+    if (run->after) {
+      accepted_mm.push_back(run->after->rigid.mean_mm);
+      physical_mm.push_back(run->after->physical.mean_mm);
+    }
+    const bool succeeded = run->after && accepted_mm.back() < kSuccessMm;
+    if (succeeded) succeeded_mm.push_back(accepted_mm.back());
     count_in_bin(group.bins, run->trial.displacement_mm, succeeded);
   }
   for (std::size_t i = 0; i < GroupStatistics::kBelowMm.size(); ++i) {
@@ -77,6 +82,7 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
   }
   group.refused = group.runs - accepted_mm.size();
   group.accepted = spread_of(accepted_mm);
+  group.accepted_physical = spread_of(physical_mm);
   group.succeeded = spread_of(succeeded_mm);
   group.seconds = spread_of(seconds);
   return group;
@@ -88,7 +94,7 @@ std::vector<GroupStatistics> statistics_by(const std::vector<StudyRun>& runs,
                                            const NameOf& name_of) {
   std::map<std::string, std::vector<const StudyRun*>> runs_of;
   for (const StudyRun& run : runs)
-    if (has_truth(run.trial.kind)) runs_of[name_of(run)].push_back(&run);
+    if (run.trial.kind == TrialKind::kStart) runs_of[name_of(run)].push_back(&run);
   std::vector<GroupStatistics> groups;
   groups.reserve(runs_of.size());
   for (const auto& [name, of_group] : runs_of)
@@ -169,6 +175,16 @@ std::vector<GroupStatistics> statistics_by_case(const std::vector<StudyRun>& run
   return statistics_by(runs, bin_edges_mm, [](const StudyRun& run) { return run.case_name; });
 }
 
+double share_upper_bound(std::size_t count, std::size_t runs) {
+  if (count > runs)
+    throw InputError("share", "is of " + std::to_string(count) + " in " + std::to_string(runs) +
+                                  ", must be of at most all");
+  if (runs == 0) return kNaN;
+  if (count == runs) return 1.0;
+  return boost::math::binomial_distribution<>::find_upper_bound_on_p(
+      static_cast<double>(runs), static_cast<double>(count), 0.05);
+}
+
 std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>& runs) {
   std::map<TrialKind, NegativeStatistics> of_kind;
   for (const StudyRun& run : runs) {
@@ -178,7 +194,7 @@ std::vector<NegativeStatistics> negative_statistics(const std::vector<StudyRun>&
     ++negatives.runs;
     if (!run.accepted())
       ++negatives.refused[status_name(run.result.status)];
-    else if (run.after && run.after->mean_mm < kSuccessMm)
+    else if (run.after && run.after->rigid.mean_mm < kSuccessMm)
       ++negatives.accepted_right;
     else
       ++negatives.accepted_wrong;
@@ -196,9 +212,9 @@ Calibration calibration_of(const std::vector<StudyRun>& runs,
   std::vector<double> true_mm;
   for (const StudyRun& run : runs) {
     if (!run.after || !run.expected) continue;
-    pairs.push_back({run.expected->rms_mm, run.after->rms_mm});
+    pairs.push_back({run.expected->rms_mm, run.after->physical.rms_mm});
     expected_mm.push_back(run.expected->rms_mm);
-    true_mm.push_back(run.after->rms_mm);
+    true_mm.push_back(run.after->physical.rms_mm);
   }
   Calibration calibration;
   for (std::size_t i = 1; i < bin_edges_mm.size(); ++i) {

@@ -12,11 +12,16 @@ namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-void require_points(const std::vector<Eigen::Vector3d>& points_mm) {
-  if (points_mm.empty()) throw InputError("targets", "there are 0, must be at least 1");
+void require_points(const std::vector<Eigen::Vector3d>& points_mm,
+                    const std::string& source = "targets") {
+  if (points_mm.empty()) throw InputError(source, "there are 0, must be at least 1");
   for (std::size_t i = 0; i < points_mm.size(); ++i)
     if (!points_mm[i].allFinite())
-      throw InputError("targets", "point " + std::to_string(i) + " is not finite");
+      throw InputError(source, "point " + std::to_string(i) + " is not finite");
+}
+
+void require_pose(const Eigen::Isometry3d& T, const std::string& name) {
+  if (!T.matrix().allFinite()) throw InputError(name, "must be finite");
 }
 
 /// The covariance is scaled to a unit diagonal first, since rad^2 and mm^2 cannot be compared.
@@ -58,17 +63,20 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& p) {
 
 }  // namespace
 
-TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
-                              const Eigen::Isometry3d& T_us_ct_true,
-                              const std::vector<Eigen::Vector3d>& points_us_mm) {
+TargetErrors evaluate_matched_targets(const Eigen::Isometry3d& T_us_ct,
+                                      const std::vector<Eigen::Vector3d>& points_ct_mm,
+                                      const std::vector<Eigen::Vector3d>& points_us_mm) {
   require_points(points_us_mm);
-  if (!T_us_ct.matrix().allFinite() || !T_us_ct_true.matrix().allFinite())
-    throw InputError("T_us_ct", "must be finite");
-  const Eigen::Isometry3d T_error = T_us_ct * T_us_ct_true.inverse();
+  require_points(points_ct_mm, "targets in the CT");
+  require_pose(T_us_ct, "T_us_ct");
+  if (points_ct_mm.size() != points_us_mm.size())
+    throw InputError("targets in the CT", "there are " + std::to_string(points_ct_mm.size()) +
+                                              ", must be as many as targets, " +
+                                              std::to_string(points_us_mm.size()));
   TargetErrors errors;
   std::vector<double> squares;
-  for (const Eigen::Vector3d& p_us : points_us_mm) {
-    const double error_mm = (T_error * p_us - p_us).norm();
+  for (std::size_t i = 0; i < points_us_mm.size(); ++i) {
+    const double error_mm = (T_us_ct * points_ct_mm[i] - points_us_mm[i]).norm();
     errors.per_target_mm.push_back(error_mm);
     squares.push_back(error_mm * error_mm);
     errors.mean_mm += error_mm / static_cast<double>(points_us_mm.size());
@@ -77,6 +85,23 @@ TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
   errors.rms_mm = root_mean_square(squares);
   errors.median_mm = median(errors.per_target_mm);
   return errors;
+}
+
+std::vector<Eigen::Vector3d> ct_points_mm(const Eigen::Isometry3d& T_us_ct,
+                                          const std::vector<Eigen::Vector3d>& points_us_mm) {
+  const Eigen::Isometry3d T_ct_us = T_us_ct.inverse();
+  std::vector<Eigen::Vector3d> points_ct_mm;
+  points_ct_mm.reserve(points_us_mm.size());
+  for (const Eigen::Vector3d& p_us : points_us_mm) points_ct_mm.push_back(T_ct_us * p_us);
+  return points_ct_mm;
+}
+
+TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
+                              const Eigen::Isometry3d& T_us_ct_true,
+                              const std::vector<Eigen::Vector3d>& points_us_mm) {
+  require_points(points_us_mm);
+  require_pose(T_us_ct_true, "T_us_ct_true");
+  return evaluate_matched_targets(T_us_ct, ct_points_mm(T_us_ct_true, points_us_mm), points_us_mm);
 }
 
 ExpectedTargetErrors expected_tre_mm(const Matrix6d& covariance,

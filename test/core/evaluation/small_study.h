@@ -28,7 +28,18 @@ inline StudyCase small_case(const std::string& name, int number) {
       Eigen::AngleAxisd(0.3 + number, Eigen::Vector3d(1, 2, 3).normalized()).matrix();
   study_case.T_us_ct_true.translation() = Eigen::Vector3d(5.0 * number, 60.0, -200.0);
   study_case.targets_us_mm = {{0, 60, 0}, {30, 70, 5}, {-25, 65, 10.0 + number}, {5, 90, -20}};
+  study_case.targets_ct_mm = ct_points_mm(study_case.T_us_ct_true, study_case.targets_us_mm);
   return study_case;
+}
+
+/// A case of which only the CT is used.
+inline StudyCase small_stranger(const std::string& name, int number) {
+  StudyCase stranger;
+  stranger.name = name;
+  stranger.is_stranger = true;
+  stranger.ct = small_case(name, number).ct;
+  stranger.targets_ct_mm = small_case(name, number).targets_ct_mm;
+  return stranger;
 }
 
 /// Two groups: a_1, a_2, a_3 and b_1, b_2.
@@ -38,7 +49,7 @@ inline std::vector<StudyCase> small_cases() {
 }
 
 /// A run of a case of group `group`, accepted with a result that is off by `error_mm` along x, or
-/// refused if that is negative.
+/// refused if that is negative. The physical error is 1 mm larger.
 inline StudyRun run_with_error(const std::string& group, double error_mm,
                                double displacement_mm = 0.0, double seconds = 1.0) {
   StudyRun run;
@@ -50,8 +61,10 @@ inline StudyRun run_with_error(const std::string& group, double error_mm,
   if (error_mm < 0.0) return run;
   run.result.status = RegistrationStatus::kRegistered;
   run.result.T_us_ct = Eigen::Isometry3d(Eigen::Translation3d(error_mm, 0, 0));
+  const std::vector<Eigen::Vector3d> targets{{0, 0, 0}, {9, 9, 9}};
   run.after =
-      evaluate_targets(*run.result.T_us_ct, Eigen::Isometry3d::Identity(), {{0, 0, 0}, {9, 9, 9}});
+      PoseErrors{evaluate_targets(*run.result.T_us_ct, Eigen::Isometry3d::Identity(), targets),
+                 evaluate_matched_targets(*run.result.T_us_ct, {{1, 0, 0}, {10, 9, 9}}, targets)};
   return run;
 }
 

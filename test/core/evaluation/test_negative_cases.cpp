@@ -5,6 +5,7 @@
 #include "core/evaluation/small_study.h"
 #include "core/io/expect_input_error.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 
 namespace usct::test {
@@ -52,14 +53,88 @@ double correlation(const PreScanVolume& a, const PreScanVolume& b, int sample_st
   return ab / std::sqrt(aa * bb);
 }
 
-TEST(Mirrored, ReversesTheLinesAndTwiceIsTheOriginal) {
+TEST(Reversed, LinesOrFramesAreInReverseOrderAndTwiceIsTheOriginal) {
   const PreScanVolume us = small_case("a", 1).ultrasound;
-  const PreScanVolume mirror = mirrored(us);
-  EXPECT_NE(mirror.voxels, us.voxels);
+  const PreScanVolume lines = lines_reversed(us);
+  const PreScanVolume frames = frames_reversed(us);
+  EXPECT_NE(lines.voxels, us.voxels);
+  EXPECT_NE(frames.voxels, us.voxels);
   for (int f = 0; f < 6; ++f)
     for (int l = 0; l < 12; ++l)
-      for (int s = 0; s < 24; ++s) ASSERT_EQ(mirror.at(s, l, f), us.at(s, 11 - l, f));
-  EXPECT_EQ(mirrored(mirror).voxels, us.voxels);
+      for (int s = 0; s < 24; ++s) {
+        ASSERT_EQ(lines.at(s, l, f), us.at(s, 11 - l, f));
+        ASSERT_EQ(frames.at(s, l, f), us.at(s, l, 5 - f));
+      }
+  EXPECT_EQ(lines_reversed(lines).voxels, us.voxels);
+  EXPECT_EQ(frames_reversed(frames).voxels, us.voxels);
+}
+
+// A motorised probe is symmetric: turned by 180 degrees about y, its own axis, it records the same
+// points in the reverse order of lines and frames.
+TEST(HalfTurn, OfAMotorisedProbeIsAboutItsAxis) {
+  const Isometry3d T = half_turn(small_case("a", 1).ultrasound.geometry);
+  EXPECT_TRUE(T.isApprox(Isometry3d(Eigen::AngleAxisd(kPi, Vector3d::UnitY())), 1e-9));
+}
+
+TEST(HalfTurn, OfAParallelSweepIsAboutTheMiddleOfTheField) {
+  ScanGeometry sweep;
+  sweep.axial = {20, 1.0, 2.0};
+  sweep.array = LinearArray{{-10.0, -5.0, 0.0, 5.0, 10.0}};
+  TrackedSweep poses;
+  Isometry3d T_us_probe = Isometry3d::Identity();
+  T_us_probe.linear() = Eigen::AngleAxisd(0.8, Vector3d(1, 1, -2).normalized()).matrix();
+  T_us_probe.translation() = Vector3d(300, -20, 50);
+  for (int f = 0; f < 7; ++f)
+    poses.T_us_frame.push_back(T_us_probe * Eigen::Translation3d(0, 0, 3.0 * f));
+  sweep.motion = poses;
+  const Isometry3d T = half_turn(sweep);
+  const Isometry3d T_middle = T_us_probe * Eigen::Translation3d(0, 0, 9.0);
+  EXPECT_TRUE(
+      T.isApprox(T_middle * Eigen::AngleAxisd(kPi, Vector3d::UnitY()) * T_middle.inverse(), 1e-9));
+}
+
+/// A CT on an oblique grid with voxels that are all different.
+CtVolume oblique_ct() {
+  Grid grid;
+  grid.size = {4, 5, 3};
+  grid.spacing_mm = {1.0, 2.0, 5.0};
+  grid.origin_mm = {30, -60, 800};
+  grid.direction = Eigen::AngleAxisd(0.4, Vector3d(1, 2, 2).normalized()).matrix();
+  CtVolume ct(grid);
+  for (std::size_t i = 0; i < ct.voxels.size(); ++i) ct.voxels[i] = static_cast<std::int16_t>(i);
+  return ct;
+}
+
+TEST(MirroredCt, HasLeftForRightAboutThePoint) {
+  const CtVolume ct = oblique_ct();
+  const Vector3d centre(33, -57, 806);
+  const CtVolume mirror = mirrored_ct(ct, centre);
+  mirror.validate("mirror");
+  EXPECT_EQ(mirror.voxels, ct.voxels);
+  for (const Vector3d& index : {Vector3d(0, 0, 0), Vector3d(3, 4, 2), Vector3d(1, 3, 0.5)}) {
+    const Vector3d p = ct.grid.physical_from_index(index);
+    EXPECT_LT((mirror.grid.physical_from_index(index) - Vector3d(66 - p.x(), p.y(), p.z())).norm(),
+              1e-9);
+  }
+}
+
+TEST(AxesSwappedCt, ExchangesTheSecondAndThirdAxisAboutThePoint) {
+  const CtVolume ct = oblique_ct();
+  // The point at index (2, 1, 1), of which steps along the axes are counted.
+  const Vector3d centre = ct.grid.physical_from_index(Vector3d(2, 1, 1));
+  const CtVolume swapped = axes_swapped_ct(ct, centre);
+  swapped.validate("swapped");
+  EXPECT_EQ(swapped.voxels, ct.voxels);
+  const Eigen::Matrix3d& axes = ct.grid.direction;
+  EXPECT_LT((swapped.grid.physical_from_index(Vector3d(2, 1, 1)) - centre).norm(), 1e-9);
+  EXPECT_LT((swapped.grid.physical_from_index(Vector3d(3, 1, 1)) - centre - axes.col(0)).norm(),
+            1e-9);
+  EXPECT_LT(
+      (swapped.grid.physical_from_index(Vector3d(2, 2, 1)) - centre - 2.0 * axes.col(2)).norm(),
+      1e-9);
+  EXPECT_LT(
+      (swapped.grid.physical_from_index(Vector3d(2, 1, 2)) - centre - 5.0 * axes.col(1)).norm(),
+      1e-9);
 }
 
 TEST(SpeckleOnly, HasTheDepthProfileButNothingElseOfTheOriginal) {

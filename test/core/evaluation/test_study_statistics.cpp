@@ -77,6 +77,8 @@ TEST(GroupStatistics, AreThoseOfAHandComputedExample) {
   EXPECT_DOUBLE_EQ(b.accepted.mean, 37.5 / 4.0);
   EXPECT_DOUBLE_EQ(b.accepted.median, 3.25);
   EXPECT_DOUBLE_EQ(b.accepted.max, 30.0);
+  EXPECT_DOUBLE_EQ(b.accepted_physical.mean, 41.5 / 4.0);
+  EXPECT_DOUBLE_EQ(b.accepted_physical.max, 31.0);
   EXPECT_DOUBLE_EQ(b.share_below[0], 0.2);
   EXPECT_DOUBLE_EQ(b.share_below[1], 0.4);
   EXPECT_DOUBLE_EQ(b.success_rate(), 0.6);
@@ -121,14 +123,36 @@ TEST(NegativeStatistics, CountEveryAcceptanceWithoutTruthAsWrong) {
   EXPECT_EQ(kinds[0].accepted_wrong, 1U);
   EXPECT_EQ(kinds[1].accepted_right, 1U);
   EXPECT_EQ(kinds[1].accepted_wrong, 1U);
-  // A negative trial without truth is in none of the tables of errors.
-  EXPECT_EQ(statistics_by_group(runs, {})[0].runs, 3U);
+  // Negative trials are in none of the tables of errors.
+  EXPECT_EQ(statistics_by_group(runs, {})[0].runs, 1U);
 }
 
-TEST(Calibration, ComparesExpectedWithTrueErrors) {
+// If none of n trials happened, (1 - p)^n = 0.05; if all but one did, 1 - p^n = 0.05.
+TEST(ShareUpperBound, IsExactWhereItHasAClosedForm) {
+  EXPECT_NEAR(share_upper_bound(0, 3000), 1.0 - std::pow(0.05, 1.0 / 3000.0), 1e-12);
+  EXPECT_NEAR(share_upper_bound(9, 10), std::pow(0.95, 1.0 / 10.0), 1e-12);
+  EXPECT_EQ(share_upper_bound(7, 7), 1.0);
+  EXPECT_TRUE(std::isnan(share_upper_bound(0, 0)));
+  expect_input_error([] { share_upper_bound(3, 2); }, {"3 in 2"});
+}
+
+RC_GTEST_PROP(ShareUpperBound, IsTheProbabilityThatSoFewHaveInFivePercentOfStudies, ()) {
+  const int runs = integer(1, 200);
+  const int count = integer(0, runs - 1);
+  const double p =
+      share_upper_bound(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
+  double at_most_count = 0.0;
+  for (int k = 0; k <= count; ++k)
+    at_most_count +=
+        std::exp(std::lgamma(runs + 1.0) - std::lgamma(k + 1.0) - std::lgamma(runs - k + 1.0) +
+                 k * std::log(p) + (runs - k) * std::log1p(-p));
+  RC_ASSERT(std::abs(at_most_count - 0.05) < 1e-9);
+}
+
+TEST(Calibration, ComparesExpectedWithPhysicalErrors) {
   std::vector<StudyRun> runs;
-  const auto add = [&](double expected_mm, double true_mm) {
-    runs.push_back(run_with_error("a", true_mm));
+  const auto add = [&](double expected_mm, double physical_mm) {
+    runs.push_back(run_with_error("a", physical_mm - 1.0));
     runs.back().expected = ExpectedTargetErrors{expected_mm, expected_mm};
   };
   add(1.0, 3.0);

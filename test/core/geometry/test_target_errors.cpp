@@ -55,6 +55,37 @@ TEST(TargetErrors, MedianOfAnOddNumberIsTheMiddleOne) {
   EXPECT_NEAR(errors.median_mm, 14.0 * std::sin(0.1), 1e-12);
 }
 
+// Two targets, of which the second moved by (0, 3, 4) between the images: the right pose of the
+// rest of the body leaves an error of 5 mm there, and no other pose can be free of error.
+TEST(TargetErrors, OfMatchedPointsIncludeTheDeformation) {
+  Isometry3d T_us_ct = Isometry3d::Identity();
+  T_us_ct.linear() = Eigen::AngleAxisd(0.7, Vector3d(2, -1, 1).normalized()).matrix();
+  T_us_ct.translation() = Vector3d(20, -300, 70);
+  const std::vector<Vector3d> points_ct{{10, 20, 30}, {-40, 5, 60}};
+  const TargetErrors errors = evaluate_matched_targets(
+      T_us_ct, points_ct, {T_us_ct * points_ct[0], T_us_ct * points_ct[1] + Vector3d(0, 3, 4)});
+  EXPECT_NEAR(errors.per_target_mm[0], 0.0, 1e-12);
+  EXPECT_NEAR(errors.per_target_mm[1], 5.0, 1e-12);
+  EXPECT_NEAR(errors.mean_mm, 2.5, 1e-12);
+  EXPECT_NEAR(errors.median_mm, 2.5, 1e-12);
+  EXPECT_NEAR(errors.rms_mm, std::sqrt(12.5), 1e-12);
+  EXPECT_NEAR(errors.max_mm, 5.0, 1e-12);
+}
+
+RC_GTEST_PROP(TargetErrors, OfMatchedPointsAreThoseAgainstTheTruthIfNothingDeformed, ()) {
+  const Isometry3d T_us_ct = random_pose(400.0);
+  const Isometry3d T_us_ct_true = random_pose(400.0);
+  const std::vector<Vector3d> points_us = random_points();
+  const TargetErrors matched =
+      evaluate_matched_targets(T_us_ct, ct_points_mm(T_us_ct_true, points_us), points_us);
+  RC_ASSERT(matched.per_target_mm ==
+            evaluate_targets(T_us_ct, T_us_ct_true, points_us).per_target_mm);
+  for (std::size_t i = 0; i < points_us.size(); ++i) {
+    const Vector3d moved = T_us_ct * T_us_ct_true.inverse() * points_us[i];
+    RC_ASSERT(std::abs(matched.per_target_mm[i] - (moved - points_us[i]).norm()) < 1e-9);
+  }
+}
+
 RC_GTEST_PROP(TargetErrors, DoNotDependOnTheFrameOfTheCt, ()) {
   const Isometry3d T_us_ct = random_pose(400.0);
   const Isometry3d T_us_ct_true = random_pose(400.0);
@@ -142,7 +173,18 @@ TEST(TargetErrors, RefuseWhatIsNoInput) {
       {"targets", "point 1"});
   Isometry3d T_bad = T;
   T_bad.translation().x() = nan;
-  expect_input_error([&] { evaluate_targets(T, T_bad, {{0, 0, 0}}); }, {"T_us_ct", "finite"});
+  expect_input_error([&] { evaluate_targets(T, T_bad, {{0, 0, 0}}); }, {"T_us_ct_true", "finite"});
+  expect_input_error([&] { evaluate_targets(T_bad, T, {{0, 0, 0}}); }, {"T_us_ct", "finite"});
+  expect_input_error(
+      [&] {
+        evaluate_matched_targets(T, {{0, 0, 0}}, {{0, 0, 0}, {1, 1, 1}});
+      },
+      {"targets in the CT", "there are 1", "as many as targets, 2"});
+  expect_input_error(
+      [&] {
+        evaluate_matched_targets(T, {{nan, 0, 0}}, {{0, 0, 0}});
+      },
+      {"targets in the CT", "point 0"});
 
   const auto refuse = [](int row, int column, double value, const std::string& violation) {
     Matrix6d covariance = Matrix6d::Identity();

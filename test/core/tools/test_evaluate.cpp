@@ -50,6 +50,35 @@ TEST_F(Evaluate, PrintsTheErrorsOfARegisteredResult) {
             "targets: 2\nTRE, mm: mean 4.000, RMS 4.000, median 4.000, max 4.000\n");
 }
 
+// The second target was 8 mm further along z than the rigid truth says, and the result is 4 mm too
+// far along x.
+TEST_F(Evaluate, PrintsThePhysicalErrorIfTheTargetsInTheCtAreGiven) {
+  const Eigen::Isometry3d T_ct_us = T_true_.inverse();
+  write_points_mm({T_ct_us * Eigen::Vector3d(30, 0, 5), T_ct_us * Eigen::Vector3d(0, 50, -17)},
+                  path("targets_ct.csv"));
+  const std::vector<std::string> given{"--targets-ct", path("targets_ct.csv")};
+  const Outcome outcome = evaluate(given);
+  EXPECT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_EQ(outcome.output,
+            "targets: 2\nTRE, mm: mean 4.000, RMS 4.000, median 4.000, max 4.000\n"
+            "physical error, mm: mean 6.472, RMS 6.928, median 6.472, max 8.944\n");
+  const auto json = nlohmann::json::parse(
+      evaluate({"--targets-ct", path("targets_ct.csv"), "--json", "--candidates"}).output);
+  EXPECT_NEAR(json["tre_mm"]["max"].get<double>(), 4.0, 1e-9);
+  EXPECT_NEAR(json["physical_mm"]["rms"].get<double>(), std::sqrt(48.0), 1e-9);
+  EXPECT_NEAR(json["physical_mm"]["per_target"][1].get<double>(), std::sqrt(80.0), 1e-9);
+  EXPECT_NEAR(json["candidates"][0]["physical_mm"]["max"].get<double>(), std::sqrt(80.0), 1e-9);
+  EXPECT_TRUE(nlohmann::json::parse(evaluate({"--json"}).output)["physical_mm"].is_null());
+
+  write_points_mm({{1, 2, 3}}, path("targets_ct.csv"));
+  const Outcome refused = evaluate(given);
+  EXPECT_EQ(refused.exit_status, 2);
+  EXPECT_NE(refused.errors.find("targets_ct.csv"), std::string::npos) << refused.errors;
+  EXPECT_NE(refused.errors.find("has 1 points, must have as many as --targets, 2"),
+            std::string::npos)
+      << refused.errors;
+}
+
 TEST_F(Evaluate, JsonHasTheExpectedErrorsAndThoseOfCandidates) {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   covariance(2, 2) = 0.01 * 0.01;

@@ -89,11 +89,32 @@ TEST_F(Study, DoesNotDependOnThreads) {
 TEST_F(Study, NegativesAreListedByKind) {
   const Outcome outcome = study({"--starts", "1", "--negatives"});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
-  for (const char* kind : {"mismatched", "mirrored", "no overlap", "noise", "far start"})
+  for (const char* kind : {"mismatched", "mirrored", "no overlap", "noise", "far start",
+                           "frames reversed", "half turn", "ct mirrored", "ct axes swapped"})
     EXPECT_NE(outcome.output.find("| " + std::string(kind) + " | 2 | "), std::string::npos)
         << outcome.output;
-  EXPECT_NE(outcome.output.find("| no overlap | 2 | 2 (no_overlap 2) | - | 0 |"), std::string::npos)
+  // None of two: (1 - p)^2 = 0.05.
+  EXPECT_NE(outcome.output.find("| no overlap | 2 | 2 (no_overlap 2) | - | 0 | 0.0, 77.64 |"),
+            std::string::npos)
       << outcome.output;
+  EXPECT_EQ(outcome.output.find("stranger"), std::string::npos) << outcome.output;
+}
+
+TEST_F(Study, OnlyTheKindsThatAreNamedWithStrangersCts) {
+  const std::filesystem::path stranger = path("stranger_1");
+  std::filesystem::create_directory(stranger);
+  for (const char* name : {"ct.nrrd", "targets_ct.csv"})
+    std::filesystem::copy_file(path("agar_1") + "/" + name, stranger / name);
+  const Outcome outcome = study({"--starts", "1", "--kinds", "stranger,frames-reversed,start",
+                                 "--strangers", stranger.string()});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  for (const char* row : {"| stranger | 2 | ", "| frames reversed | 2 | ", "| agar | 2 | "})
+    EXPECT_NE(outcome.output.find(row), std::string::npos) << outcome.output;
+  EXPECT_EQ(outcome.output.find("mirrored"), std::string::npos) << outcome.output;
+  ASSERT_EQ(runs().size(), 6U);
+  for (const auto& run : runs())
+    EXPECT_EQ(run["ct_case"],
+              run["kind"] == "stranger" ? nlohmann::json("stranger_1") : run["case"]);
 }
 
 TEST_F(Study, StartsFromABoxOfParallelBeams) {
@@ -112,6 +133,11 @@ TEST_F(Study, BadArgumentsEndWithStatusTwo) {
   refused({"--starts", "0"}, "'starts' is 0");
   refused({"--box-mm", "4", "--max-displacement", "10"}, "excludes");
   refused({path("agar_3")}, "agar_3");
+  refused({"--kinds", "noise,backwards"},
+          "--kinds: is 'backwards', must be one of start, mismatched, mirrored");
+  refused({"--kinds", "noise", "--negatives"}, "excludes");
+  refused({"--kinds", "stranger"}, "strangers");
+  refused({"--strangers", path("agar_3"), "--kinds", "stranger"}, "agar_3");
   refused({path("agar_1")}, "two are named 'agar_1'");
   const Outcome unknown = run_usct({"study", path("agar_1"), "--preset", "best"});
   EXPECT_EQ(unknown.exit_status, 2);

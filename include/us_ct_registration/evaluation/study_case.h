@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct {
+
+/// A folder as `usct phantom` writes it: `ct` (.nrrd, .mha or .nii.gz), `us.nrrd`, `truth.tfm`,
+/// `targets.csv` and, if positions of the targets in the CT are known, `targets_ct.csv`.
+struct StudyCase {
+  /// Name of the folder.
+  std::string name;
+  CtVolume ct;
+  PreScanVolume ultrasound;
+  Eigen::Isometry3d T_us_ct_true = Eigen::Isometry3d::Identity();
+  /// Matched points: `targets_us_mm[i]` is where `targets_ct_mm[i]` was during the ultrasound,
+  /// deformation included. Without `targets_ct.csv` nothing is known of a deformation, and
+  /// `targets_ct_mm` are the points that the truth maps to `targets_us_mm`.
+  std::vector<Eigen::Vector3d> targets_us_mm;
+  std::vector<Eigen::Vector3d> targets_ct_mm;
+  /// Whether only the CT and `targets_ct_mm` are there, for the ultrasound of other cases.
+  bool is_stranger = false;
+
+  /// The name up to its first '_'.
+  std::string group() const { return name.substr(0, name.find('_')); }
+  /// The centroid of the targets: the middle of the kidney.
+  Eigen::Vector3d centre_us_mm() const;
+  Eigen::Vector3d centre_ct_mm() const;
+};
+
+/// Throws InputError, naming the file, if one is missing or invalid, if there are several CTs, or
+/// if the files of targets have different numbers of points.
+StudyCase read_study_case(const std::filesystem::path& folder);
+
+/// Reads what a study needs of a stranger: the CT, and the targets in it from `targets_ct.csv` or,
+/// without that file, from `truth.tfm` and `targets.csv`. Throws InputError, naming the file, if
+/// one is missing or invalid.
+StudyCase read_stranger(const std::filesystem::path& folder);
+
+}  // namespace usct
