@@ -23,6 +23,8 @@ struct BeamGrid {
   int lines = 0;
   int frames = 0;
   std::vector<Beam> beams;  // beams[frame * lines + line]
+  /// Whether the poses of the frames come from a tracker, whose clock may differ from the images'.
+  bool tracked = false;
 
   int samples() const { return axial.samples; }
   const Beam& beam(int frame, int line) const {

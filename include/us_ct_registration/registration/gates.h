@@ -1,34 +1,56 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-/// Confidence in a registration: its measures, and the limits that they must keep. A new gate is a
-/// member of Measures, a limit in GateLimits and a row of each table in gates.cpp.
+/// Confidence in a registration: the evidence for its pose, what it says together, and the limits
+/// that it must keep. A new measure is a member of Measures and a row of the table in gates.cpp.
 namespace usct {
+
+/// How ultrasound can be mirrored: its lines, its frames, or both in reverse order. Both together
+/// are a half turn of the probe about its beams.
+enum class Mirror { kLines, kFrames, kHalfTurn };
+
+constexpr auto words_of(Mirror) {
+  return std::array<std::pair<Mirror, const char*>, 3>{{{Mirror::kLines, "lines reversed"},
+                                                        {Mirror::kFrames, "frames reversed"},
+                                                        {Mirror::kHalfTurn, "half turn"}}};
+}
 
 /// Measures of a registration; a measure that was not taken is absent.
 struct Measures {
   /// Share of the ultrasound's samples that lie in the CT, in [0, 1].
   std::optional<double> overlap;
-  /// Height of the best optimum's similarity above that of background poses, in their standard
-  /// deviations.
-  std::optional<double> significance;
-  /// Height of the best optimum above the best rival, as a share of its height above the
-  /// background.
-  std::optional<double> margin;
+  /// Distance of the pose from the initial one, mm (mean displacement of the field of view).
+  std::optional<double> displacement_mm;
   /// Distance by which the refinement moved the best optimum of the search, mm (mean displacement
   /// of the field of view).
   std::optional<double> disagreement_mm;
-  /// Distance of the pose from the initial one, mm (mean displacement of the field of view).
-  std::optional<double> displacement_mm;
-  /// Scatter of the pose among the parts of a second similarity, mm (root mean square displacement
-  /// of the field of view).
-  std::optional<double> scatter_mm;
-  /// Root mean square displacement of the field of view that the covariance predicts, mm.
+  /// Similarity of the best optimum over that of the best mirrored ultrasound (see Mirror).
+  std::optional<double> mirror_ratio;
+  /// Student's t of the same comparison, patch by patch: the least of all mirrored ultrasound.
+  std::optional<double> mirror_advantage;
+  /// Similarity of the best optimum over the median of the mirrored ultrasound, which chance can
+  /// reach.
+  std::optional<double> chance_ratio;
+  /// Similarity of the best optimum over that of the best rival, a pose elsewhere; as chance_ratio
+  /// if there is no rival.
+  std::optional<double> rival_ratio;
+  /// Median distance by which halves of the field move the pose, mm (mean displacement of the field
+  /// of view), by patches almost without a ridge and by patches with one.
+  std::optional<double> parts_mm;
+  std::optional<double> ridge_parts_mm;
+  /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
+  /// right_probability.
+  std::optional<double> wrong_probability;
+  /// Root mean square error that the covariance predicts in the middle of the field of view, mm,
+  /// and the bound below which the error lies in 90 of 100 registrations that are right.
   std::optional<double> expected_error_mm;
+  std::optional<double> error_bound_mm;
   /// Errors of the acquisition, if the refinement estimated them; see AcquisitionErrors.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
@@ -47,16 +69,30 @@ std::map<std::string, double> by_name(const Measures& measures);
 /// The inverse of `by_name`. Throws InputError, naming `source`, for a name that is no measure.
 Measures measures_from(const std::map<std::string, double>& values, const std::string& source);
 
+/// What the evidence says about the three ways in which a pose can be wrong. Each is the
+/// probability that the pose is right as far as this kind of evidence can tell; they are
+/// multiplied, since a pose must pass all three, and strength in one does not make up for weakness
+/// in another.
+struct RightProbability {
+  double mirrors = 0.0;  // it is better than the mirrored ultrasound
+  double chance = 0.0;   // it is better than chance and than poses elsewhere
+  double parts = 0.0;    // parts of the field agree about it
+
+  double all() const { return mirrors * chance * parts; }
+};
+
+/// Logistic functions of the measures, calibrated on equally many right and wrong poses
+/// (docs/confidence.md). Unset if a measure is absent or not a number.
+std::optional<RightProbability> right_probability(const Measures& measures);
+
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails
 /// its gate.
 struct GateLimits {
-  std::optional<double> min_overlap = 0.2;       // [0, 1]
-  std::optional<double> min_significance = 8.0;  // any number
-  std::optional<double> min_margin = 0.1;        // [0, 1]
-  std::optional<double> max_disagreement_mm = 5.0;
-  std::optional<double> max_displacement_mm = 40.0;
-  std::optional<double> max_scatter_mm = 0.5;
+  std::optional<double> min_overlap = 0.2;            // [0, 1]
+  std::optional<double> max_wrong_probability = 0.3;  // [0, 1]
 
+  /// No gate at all, for studies that ask for poses without a judgement.
+  static GateLimits none() { return {std::nullopt, std::nullopt}; }
   /// Throws InputError, naming `source`, the field, its value and the constraint.
   void validate(const std::string& source) const;
 };
@@ -64,11 +100,7 @@ struct GateLimits {
 template <typename Fields>
 void describe(Fields& fields, GateLimits& o) {
   fields("min_overlap", o.min_overlap);
-  fields("min_significance", o.min_significance);
-  fields("min_margin", o.min_margin);
-  fields("max_disagreement_mm", o.max_disagreement_mm);
-  fields("max_displacement_mm", o.max_displacement_mm);
-  fields("max_scatter_mm", o.max_scatter_mm);
+  fields("max_wrong_probability", o.max_wrong_probability);
 }
 
 /// The first failed gate in words: its meaning, the measure, its value and its limit.

@@ -95,46 +95,73 @@ struct RefinementOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// Poses where nothing fits give the background of a similarity. (A value by itself says little: it
-/// depends on noise, contrast and the field of view.)
-struct BackgroundOptions {
-  /// Number of background poses; >= 16.
-  int count = 64;
-  /// Poses are spread like the starts or, if there are none, over a box of this half width.
-  double spread_rad = 20.0 * kDegree;
-  double spread_mm = 25.0;
-  /// Only poses farther than this from the best optimum count, mm; >= 0.
-  double away_mm = 10.0;
+/// The images and the search that the evidence is gathered with.
+enum class EvidenceSource {
+  kOwn,      // those of the registration: its similarities must be 0 by chance, and not negative
+  kPatient,  // those of the preset `patient`, whatever found the pose
+};
+
+constexpr auto words_of(EvidenceSource) {
+  return std::array<std::pair<EvidenceSource, const char*>, 2>{
+      {{EvidenceSource::kOwn, "own"}, {EvidenceSource::kPatient, "patient"}}};
+}
+
+/// The search for mirrored ultrasound. It differs from that for the ultrasound at the deciding
+/// level only: the height of the best optimum is needed, and not its exact place.
+struct DecoyOptions {
+  /// Number of candidates that are optimised at the deciding level, if the search has more; >= 1.
+  int optimised = 3;
+  /// Factor on the step tolerance of that level's optimizer; >= 1.
+  double tolerance_factor = 4.0;
 
   void validate(const std::string& source) const;
 };
 
-/// Scatter of the pose among the parts of a second similarity, which did not choose the pose. At a
-/// right pose the parts agree; at a pose that only looks right they do not.
-struct ScatterOptions {
-  /// Similarity on the images of the deciding level. One without parts gives no scatter.
-  SimilarityOptions similarity;
-  /// A quadratic is fitted to that similarity at poses this far from the found pose, mm; > 0.
-  double around_mm = 3.0;
-  /// Lower bound of the curvature in any direction, as a share of the largest; (0, 1].
-  double least_curvature = 0.03;
+/// Parts of the field: climbs from the pose by each half of the lines and of the frames, on the
+/// images of the deciding level.
+struct PartOptions {
+  OptimizerOptions optimizer;
+  /// As ClimbOptions::reach_mm.
+  double reach_mm = 40.0;
+
+  void validate(const std::string& source) const;
+};
+
+/// The expected error: the motion of the pose by parts of the field, and errors that no image
+/// shows. docs/confidence.md says how they were calibrated.
+struct ErrorOptions {
+  /// Factor on the standard deviation that the halves give; > 0.
+  double parts_factor = 1.0;
+  /// Error of the speed of sound, as a share of the depth; [0, 0.2].
+  double sound_speed_share = 0.01;
+  /// Time between images and poses of a tracked sweep, in frames; >= 0.
+  double lag_frames = 1.0;
+  /// Shift by all other errors, root mean square, mm; >= 0.
+  double other_mm = 0.3;
+  /// The 90 % bound over the expected error; > 0.
+  double bound_factor = 1.5;
+  /// The expected error is that of points within this distance of the middle of the field, mm; > 0.
+  double target_radius_mm = 30.0;
 
   void validate(const std::string& source) const;
 };
 
 struct ConfidenceOptions {
   GateLimits gates;
-  BackgroundOptions background;
+  EvidenceSource evidence = EvidenceSource::kOwn;
   /// An optimum farther than this from the best one is a rival, mm; a closer one lies on the slope
   /// of the best one; >= 0.
   double rival_mm = 10.0;
-  ScatterOptions scatter;
-  /// Covariance: a factor on the standard deviations that the ultrasound's patches give, since the
-  /// errors of patches are correlated; and a shift of the field (root mean square, mm) for errors
-  /// that no image shows: sound speed, deformation and the like. Both are calibrated
-  /// (docs/accuracy.md).
-  double deviation_factor = 4.0;
-  double systematic_mm = 0.8;
+  DecoyOptions decoys;
+  /// Similarities of patches on the images of the deciding level, which did not choose the pose:
+  /// almost without a ridge, where faint structure counts as well as edges, and with one. One
+  /// without parts gives no evidence.
+  SimilarityOptions similarity;
+  SimilarityOptions ridge_similarity;
+  /// Patches within cubes of this edge are not independent, mm; > 0.
+  double cluster_mm = 16.0;
+  PartOptions parts;
+  ErrorOptions error;
 
   void validate(const std::string& source) const;
 };

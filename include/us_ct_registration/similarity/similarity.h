@@ -52,6 +52,10 @@ class Similarity {
     return {evaluate(pose).value};
   }
 
+  /// Positions of these parts, US frame, mm, in the same order; empty for a similarity that is not
+  /// a sum.
+  virtual std::vector<Eigen::Vector3d> part_centres_us_mm() const { return {}; }
+
   std::vector<SimilarityValue> evaluate(const std::vector<SimilarityPose>& poses,
                                         const Check& check = {}) const {
     std::vector<SimilarityValue> values(poses.size());

@@ -1,6 +1,7 @@
 #include "us_ct_registration/geometry/beam_grid.h"
 
 #include <cmath>
+#include <variant>
 
 #include "require.h"
 
@@ -29,6 +30,7 @@ BeamGrid beam_grid(const ScanGeometry& geometry) {
   grid.axial = geometry.axial;
   grid.lines = geometry.lines();
   grid.frames = geometry.frames();
+  grid.tracked = std::holds_alternative<TrackedSweep>(geometry.motion);
   grid.beams.reserve(static_cast<std::size_t>(grid.lines) * static_cast<std::size_t>(grid.frames));
   for (int frame = 0; frame < grid.frames; ++frame)
     for (int line = 0; line < grid.lines; ++line) {

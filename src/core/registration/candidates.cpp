@@ -84,6 +84,12 @@ double FieldPoints::distance_mm(const Isometry3d& T_a_us_ct, const Isometry3d& T
                               points_us_mm_);
 }
 
+Eigen::Vector3d FieldPoints::centre_us_mm() const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points_us_mm_) sum += p;
+  return sum / static_cast<double>(points_us_mm_.size());
+}
+
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run) {
   std::vector<SimilarityPose> poses;
   poses.reserve(candidates.size());

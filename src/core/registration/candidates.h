@@ -32,6 +32,7 @@ class FieldPoints {
 
   double distance_mm(const Eigen::Isometry3d& T_a_us_ct, const Eigen::Isometry3d& T_b_us_ct) const;
   const std::vector<Eigen::Vector3d>& us_mm() const { return points_us_mm_; }
+  Eigen::Vector3d centre_us_mm() const;
 
  private:
   std::vector<Eigen::Vector3d> points_us_mm_;

@@ -24,16 +24,8 @@ const std::vector<Gate>& gates() {
   static const std::vector<Gate> all = {
       {"overlap", &Measures::overlap, true, &GateLimits::min_overlap,
        "CT and ultrasound share too little", true},
-      {"significance", &Measures::significance, true, &GateLimits::min_significance,
-       "the best pose is no better than chance"},
-      {"margin", &Measures::margin, true, &GateLimits::min_margin,
-       "another pose is almost as good"},
-      {"disagreement_mm", &Measures::disagreement_mm, false, &GateLimits::max_disagreement_mm,
-       "search and refinement disagree"},
-      {"displacement_mm", &Measures::displacement_mm, false, &GateLimits::max_displacement_mm,
-       "the pose is far from the initial one"},
-      {"scatter_mm", &Measures::scatter_mm, false, &GateLimits::max_scatter_mm,
-       "parts of the ultrasound pull the pose apart"},
+      {"wrong_probability", &Measures::wrong_probability, false, &GateLimits::max_wrong_probability,
+       "the pose is not trusted"},
   };
   return all;
 }
@@ -54,12 +46,17 @@ bool passes(const Gate& gate, double value, double limit) {
 const std::vector<MeasureField>& measure_fields() {
   static const std::vector<MeasureField> fields = {
       {"overlap", &Measures::overlap},
-      {"significance", &Measures::significance},
-      {"margin", &Measures::margin},
-      {"disagreement_mm", &Measures::disagreement_mm},
       {"displacement_mm", &Measures::displacement_mm},
-      {"scatter_mm", &Measures::scatter_mm},
+      {"disagreement_mm", &Measures::disagreement_mm},
+      {"mirror_ratio", &Measures::mirror_ratio},
+      {"mirror_advantage", &Measures::mirror_advantage},
+      {"chance_ratio", &Measures::chance_ratio},
+      {"rival_ratio", &Measures::rival_ratio},
+      {"parts_mm", &Measures::parts_mm},
+      {"ridge_parts_mm", &Measures::ridge_parts_mm},
+      {"wrong_probability", &Measures::wrong_probability},
       {"expected_error_mm", &Measures::expected_error_mm},
+      {"error_bound_mm", &Measures::error_bound_mm},
       {"depth_error", &Measures::depth_error},
       {"sweep_error", &Measures::sweep_error},
   };
@@ -90,17 +87,8 @@ void GateLimits::validate(const std::string& source) const {
   const auto share = [&](const char* field, const std::optional<double>& value) {
     if (value) require(*value >= 0.0 && *value <= 1.0, source, field, *value, "within [0, 1]");
   };
-  const auto distance = [&](const char* field, const std::optional<double>& value) {
-    if (value) require(*value >= 0.0, source, field, *value, ">= 0");
-  };
   share("min_overlap", min_overlap);
-  if (min_significance)
-    require(!std::isnan(*min_significance), source, "min_significance", *min_significance,
-            "a number");
-  share("min_margin", min_margin);
-  distance("max_disagreement_mm", max_disagreement_mm);
-  distance("max_displacement_mm", max_displacement_mm);
-  distance("max_scatter_mm", max_scatter_mm);
+  share("max_wrong_probability", max_wrong_probability);
 }
 
 std::optional<GateFailure> judge(const Measures& measures, const GateLimits& limits) {

@@ -56,7 +56,7 @@ bool needs_recorded_ct(const ClimbOptions& level) { return needs_of(level.simila
 bool needs_beams(const RegistrationOptions& options) {
   const auto along = [](const SimilarityOptions& similarity) { return needs_of(similarity).beams; };
   const std::optional<RefinementOptions>& refinement = options.refinement;
-  return along(options.confidence.scatter.similarity) ||
+  return along(options.confidence.similarity) || along(options.confidence.ridge_similarity) ||
          std::any_of(options.search.levels.begin(), options.search.levels.end(),
                      [&](const LevelOptions& level) { return along(level.similarity); }) ||
          (refinement && (refinement->depth_error > 0.0 || refinement->sweep_error > 0.0 ||
@@ -238,8 +238,7 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& 
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
     ImagePyramid pyramid{std::move(prepared),
                          ct_in_reach(ct, ultrasound.beams, T_us_ct_initial, options.search),
-                         {},
-                         nullptr};
+                         {}};
     if (pyramid.in_reach.region.size.minCoeff() < kLeastVoxels)
       return Refusal{RegistrationStatus::kNoOverlap,
                      "the CT lies nowhere near the ultrasound at the initial pose"};
@@ -253,9 +252,6 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& 
       if (!level) return level.refusal();
       pyramid.levels.push_back(std::move(*level));
     }
-    const SimilarityOptions& second = options.confidence.scatter.similarity;
-    if (needs_of(second).recorded_ct == needs_recorded_ct(levels.back()))
-      pyramid.scatter_similarity = make_similarity(*pyramid.levels.back().images, second);
     return pyramid;
   });
 }

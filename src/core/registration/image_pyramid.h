@@ -55,9 +55,6 @@ struct ImagePyramid {
   CtInReach in_reach;
   /// The levels of SearchOptions::levels, in their order.
   std::vector<Level> levels;
-  /// A second similarity on the images of the deciding level (see ScatterOptions); null if these
-  /// images do not suffice.
-  std::shared_ptr<const Similarity> scatter_similarity;
 
   const Similarity& deciding() const { return *levels.back().similarity; }
   std::vector<const Similarity*> similarities() const;

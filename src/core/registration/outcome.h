@@ -22,6 +22,8 @@ class Outcome {
   Outcome(Refusal refusal) : content_(std::move(refusal)) {}  // NOLINT: and so is a refusal
 
   explicit operator bool() const { return std::holds_alternative<T>(content_); }
+  const T& operator*() const { return std::get<T>(content_); }
+  const T* operator->() const { return &std::get<T>(content_); }
   T& operator*() { return std::get<T>(content_); }
   T* operator->() { return &std::get<T>(content_); }
   const Refusal& refusal() const { return std::get<Refusal>(content_); }

@@ -1,8 +1,8 @@
 #include "us_ct_registration/registration/registration.h"
 
+#include "registration/assessment.h"
 #include "registration/image_pyramid.h"
 #include "registration/multi_start.h"
-#include "registration/pose_accuracy.h"
 #include "registration/refinement.h"
 #include "registration/verdict.h"
 
@@ -12,7 +12,7 @@ namespace {
 using namespace registration;
 
 /// The pipeline prepares the images once; each round then searches, refines, assesses and judges,
-/// until the pose passes the gates or there are no more rounds.
+/// until the pose passes the gates, or the evidence says that another round would not help.
 Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolume& ct,
                                          const Eigen::Isometry3d& T_us_ct_initial,
                                          const RegistrationOptions& options, Run& run) {
@@ -22,24 +22,24 @@ Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolum
   run.report(0.2);
   const SearchProblem problem{images->similarities(), options.search, T_us_ct_initial,
                               images->prepared.field, options.seed};
-  const Assessor assessor(*images, T_us_ct_initial, options);
+  Assessor assessor(us, ct, *images, problem, options);
   std::vector<Candidate> optima;
   for (int round = 0;; ++round) {
-    run.timed("search", [&] {
-      optima = multi_start(problem, round, std::move(optima), run);
-      assessor.drop_distant(optima, run);
-    });
+    optima =
+        run.timed("search", [&] { return multi_start(problem, round, std::move(optima), run); });
     if (optima.empty())
       return Refusal{RegistrationStatus::kNoOverlap,
                      "no pose in reach has CT and ultrasound overlap"};
     Outcome<Candidate> refined = refine(*images, ct, optima.front(), options, run);
     if (!refined) return refined.refusal();
-    const Assessment assessment =
+    const Outcome<Assessment> assessment =
         run.timed("confidence", [&] { return assessor.assess(optima, *refined, run); });
-    const std::optional<GateFailure> failure = judge(assessment.measures, options.confidence.gates);
+    if (!assessment) return assessment.refusal();
+    const std::optional<GateFailure> failure =
+        judge(assessment->measures, options.confidence.gates);
     run.report(0.2 + 0.8 * (round + 1) / options.search.rounds.most);
-    if (!failure || round + 1 == options.search.rounds.most)
-      return result_of(optima, *refined, assessment, failure);
+    if (!failure || round + 1 == options.search.rounds.most || !may_be_missed(*assessment))
+      return result_of(optima, *refined, *assessment, failure);
   }
 }
 

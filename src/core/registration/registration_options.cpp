@@ -55,12 +55,13 @@ RefinementOptions patient_refinement() {
   return refinement;
 }
 
-/// The second similarity: almost without a ridge faint structure counts as well as edges, and
-/// gradients may darken, so that misfits show.
-LocalLc2Options patient_scatter() {
+/// Patches of the evidence. With hardly any ridge, gradients may darken as well, so that misfits
+/// show.
+LocalLc2Options patient_evidence(bool with_ridge) {
   LocalLc2Options metric;
   metric.patches = patches(6.0, 8.0);
   metric.pressed_mm = 40.0;
+  if (with_ridge) return metric;
   metric.ridge_intensity_hu = 2.5;
   metric.ridge_gradient_hu_per_mm = 5.0;
   metric.positive_gradient = false;
@@ -74,7 +75,9 @@ RegistrationOptions::RegistrationOptions() {
   conditioning.window_mm = 4.0;
   search.levels = patient_levels();
   refinement = patient_refinement();
-  confidence.scatter.similarity = patient_scatter();
+  confidence.similarity = patient_evidence(false);
+  confidence.ridge_similarity = patient_evidence(true);
+  confidence.parts.optimizer = bobyqa(1.0, 0.2);
 }
 
 void ClimbOptions::validate(const std::string& source) const {
@@ -126,27 +129,37 @@ void RefinementOptions::validate(const std::string& source) const {
           only);
 }
 
-void BackgroundOptions::validate(const std::string& source) const {
-  require(count >= 16, source, "count", count, ">= 16");
-  require_positive(source, "spread_rad", spread_rad);
-  require_positive(source, "spread_mm", spread_mm);
-  require_not_negative(source, "away_mm", away_mm);
+void DecoyOptions::validate(const std::string& source) const {
+  require(optimised >= 1, source, "optimised", optimised, ">= 1");
+  require(std::isfinite(tolerance_factor) && tolerance_factor >= 1.0, source, "tolerance_factor",
+          tolerance_factor, "finite and >= 1");
 }
 
-void ScatterOptions::validate(const std::string& source) const {
-  usct::validate(similarity, source + ".similarity");
-  require_positive(source, "around_mm", around_mm);
-  require(least_curvature > 0.0 && least_curvature <= 1.0, source, "least_curvature",
-          least_curvature, "within (0, 1]");
+void PartOptions::validate(const std::string& source) const {
+  optimizer.validate(source + ".optimizer");
+  require(std::isfinite(reach_mm) && reach_mm >= 2.0 * optimizer.step_tolerance, source, "reach_mm",
+          reach_mm, "finite and >= twice optimizer.step_tolerance");
+}
+
+void ErrorOptions::validate(const std::string& source) const {
+  require_positive(source, "parts_factor", parts_factor);
+  constexpr double kMostShare = 0.2;
+  require_within(source, "sound_speed_share", sound_speed_share, 0.0, kMostShare);
+  require_not_negative(source, "lag_frames", lag_frames);
+  require_not_negative(source, "other_mm", other_mm);
+  require_positive(source, "bound_factor", bound_factor);
+  require_positive(source, "target_radius_mm", target_radius_mm);
 }
 
 void ConfidenceOptions::validate(const std::string& source) const {
   gates.validate(source + ".gates");
-  background.validate(source + ".background");
   require_not_negative(source, "rival_mm", rival_mm);
-  scatter.validate(source + ".scatter");
-  require_positive(source, "deviation_factor", deviation_factor);
-  require_not_negative(source, "systematic_mm", systematic_mm);
+  decoys.validate(source + ".decoys");
+  usct::validate(similarity, source + ".similarity");
+  usct::validate(ridge_similarity, source + ".ridge_similarity");
+  require_positive(source, "cluster_mm", cluster_mm);
+  parts.validate(source + ".parts");
+  error.validate(source + ".error");
 }
 
 void RegistrationOptions::validate(const std::string& source) const {

@@ -1,6 +1,74 @@
 #include "registration/verdict.h"
 
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
 namespace usct::registration {
+namespace {
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.2g", value);
+  return text;
+}
+
+std::string mirrored_words(Mirror mirror) {
+  switch (mirror) {
+    case Mirror::kLines:
+      return "its lines in reverse order";
+    case Mirror::kFrames:
+      return "its frames in reverse order";
+    case Mirror::kHalfTurn:
+      return "the probe turned by half a turn";
+  }
+  return "";
+}
+
+/// Why a pose that is no better than mirrored ultrasound is not believed. A mirrored one that is
+/// clearly better names the fault.
+std::string mirror_words(const Assessment& assessment) {
+  const Measures& m = assessment.measures;
+  const std::string which = mirrored_words(*assessment.best_mirror);
+  if (*m.mirror_ratio < 1.0 && *m.mirror_advantage < 0.0)
+    return "the ultrasound fits the CT better with " + which + " (" +
+           number(1.0 / *m.mirror_ratio) +
+           " times the similarity): check which way round the probe was held, the order of lines "
+           "and frames in the file, and whether the CT is mirrored";
+  return "the ultrasound fits the CT almost as well with " + which + " (the found pose has " +
+         number(*m.mirror_ratio) +
+         " times that similarity): the anatomy in view is nearly symmetric, or the CT is not of "
+         "this patient; a larger field of view would help";
+}
+
+std::string chance_words(const Measures& m) {
+  if (*m.rival_ratio < *m.chance_ratio)
+    return "a pose elsewhere fits almost as well (the found pose has " + number(*m.rival_ratio) +
+           " times its similarity): give an initial pose that is closer, or acquire a larger field "
+           "of view";
+  return "the best pose is hardly better than chance (" + number(*m.chance_ratio) +
+         " times the similarity that mirrored ultrasound reaches): the CT may be of another "
+         "patient, the kidney may not be in view, or the initial pose may be too far off";
+}
+
+std::string parts_words(const Measures& m) {
+  return "parts of the ultrasound lead to different poses (halves of the field move it by " +
+         number(*m.parts_mm) + " and " + number(*m.ridge_parts_mm) +
+         " mm): the anatomy may be deformed, may have moved during the sweep, or may be another "
+         "patient's; check probe geometry and tracking, and acquire again during a breath hold";
+}
+
+/// What was found, why it is not believed and what would help, by the weakest kind of evidence.
+std::string explanation(const Assessment& assessment) {
+  const std::optional<RightProbability> right = right_probability(assessment.measures);
+  if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";
+  const double least = std::min({right->mirrors, right->chance, right->parts});
+  if (least == right->mirrors) return mirror_words(assessment);
+  if (least == right->chance) return chance_words(assessment.measures);
+  return parts_words(assessment.measures);
+}
+
+}  // namespace
 
 RegistrationResult result_of(const std::vector<Candidate>& optima, const Candidate& refined,
                              const Assessment& assessment,
@@ -18,6 +86,7 @@ RegistrationResult result_of(const std::vector<Candidate>& optima, const Candida
     result.status =
         failure->no_overlap ? RegistrationStatus::kNoOverlap : RegistrationStatus::kLowConfidence;
     result.message = failure->message;
+    if (!failure->no_overlap) result.message += ": " + explanation(assessment);
   } else {
     result.status = RegistrationStatus::kRegistered;
     result.message = "all gates passed";

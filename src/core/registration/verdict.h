@@ -1,7 +1,7 @@
 #pragma once
 
+#include "registration/assessment.h"
 #include "registration/outcome.h"
-#include "registration/pose_accuracy.h"
 
 namespace usct::registration {
 

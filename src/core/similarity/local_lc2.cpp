@@ -64,6 +64,14 @@ class LocalLc2 final : public PoseByPose {
             inside / static_cast<double>(us_->count)};
   }
 
+  std::vector<Eigen::Vector3d> part_centres_us_mm() const override {
+    std::vector<Eigen::Vector3d> centres;
+    centres.reserve(us_->patches.size());
+    for (const UltrasoundPatches::Patch& patch : us_->patches)
+      centres.push_back(patch.centre_us_mm);
+    return centres;
+  }
+
   std::vector<double> parts(const SimilarityPose& pose) const override {
     std::vector<double> result(us_->patches.size());
     if (fill_parts(pose, result) == 0.0)

@@ -202,6 +202,8 @@ class Cutter {
       patch.depth_mm += us_.beams.axial.depth_mm(sample);
       ++patch.count;
     });
+    const Vector3i middle = (box.begin + box.end) / 2;
+    patch.centre_us_mm = us_.beams.point(middle.z(), middle.y(), middle.x());
     const auto count = static_cast<double>(patch.count);
     if (patch.count < 2 || count < least_share_ * all) return false;
     patch.mean /= count;

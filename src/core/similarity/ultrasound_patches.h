@@ -27,10 +27,11 @@ struct UltrasoundPatches {
   static constexpr float kNowhere = 1e30F;
 
   struct Patch {
-    std::size_t count = 0;    // number of samples that count
-    double mean = 0.0;        // mean of its ultrasound
-    double square_sum = 0.0;  // squared deviations from the mean
-    double depth_mm = 0.0;    // mean depth of its samples
+    std::size_t count = 0;                                   // number of samples that count
+    double mean = 0.0;                                       // mean of its ultrasound
+    double square_sum = 0.0;                                 // squared deviations from the mean
+    double depth_mm = 0.0;                                   // mean depth of its samples
+    Eigen::Vector3d centre_us_mm = Eigen::Vector3d::Zero();  // middle of the patch
     std::size_t first_strand = 0;
     std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
   };

@@ -68,6 +68,7 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
                      from.axial.spacing_mm * factors.x()};
   out.beams.lines = from.lines / factors.y();
   out.beams.frames = from.frames / factors.z();
+  out.beams.tracked = from.tracked;
   for (int f = 0; f < out.beams.frames; ++f)
     for (int l = 0; l < out.beams.lines; ++l)
       out.beams.beams.push_back(mean_beam(from, f * factors.z(), l * factors.y(), factors));

@@ -205,29 +205,38 @@ void describe(Fields& fields, RefinementOptions& o) {
 }
 
 template <typename Fields>
-void describe(Fields& fields, BackgroundOptions& o) {
-  constexpr double kMostInBoxDeg = 103.92;
-  fields("count", o.count);
-  fields.degrees("spread_deg", o.spread_rad, kMostInBoxDeg);
-  fields("spread_mm", o.spread_mm);
-  fields("away_mm", o.away_mm);
+void describe(Fields& fields, DecoyOptions& o) {
+  fields("optimised", o.optimised);
+  fields("tolerance_factor", o.tolerance_factor);
 }
 
 template <typename Fields>
-void describe(Fields& fields, ScatterOptions& o) {
-  fields("similarity", o.similarity);
-  fields("around_mm", o.around_mm);
-  fields("least_curvature", o.least_curvature);
+void describe(Fields& fields, PartOptions& o) {
+  fields("optimizer", o.optimizer);
+  fields("reach_mm", o.reach_mm);
+}
+
+template <typename Fields>
+void describe(Fields& fields, ErrorOptions& o) {
+  fields("parts_factor", o.parts_factor);
+  fields("sound_speed_share", o.sound_speed_share);
+  fields("lag_frames", o.lag_frames);
+  fields("other_mm", o.other_mm);
+  fields("bound_factor", o.bound_factor);
+  fields("target_radius_mm", o.target_radius_mm);
 }
 
 template <typename Fields>
 void describe(Fields& fields, ConfidenceOptions& o) {
   fields("gates", o.gates);
-  fields("background", o.background);
+  fields("evidence", o.evidence);
   fields("rival_mm", o.rival_mm);
-  fields("scatter", o.scatter);
-  fields("deviation_factor", o.deviation_factor);
-  fields("systematic_mm", o.systematic_mm);
+  fields("decoys", o.decoys);
+  fields("similarity", o.similarity);
+  fields("ridge_similarity", o.ridge_similarity);
+  fields("cluster_mm", o.cluster_mm);
+  fields("parts", o.parts);
+  fields("error", o.error);
 }
 
 template <typename Fields>

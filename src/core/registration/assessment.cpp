@@ -1,0 +1,168 @@
+#include "registration/assessment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "registration/expected_error.h"
+#include "registration/paired_advantage.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/similarity/catalogue.h"
+
+namespace usct::registration {
+namespace {
+
+using Eigen::Vector3d;
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+/// The points in the middle of the field of view, where the kidney is.
+std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
+  std::vector<Vector3d> near;
+  const Vector3d centre = field.centre_us_mm();
+  for (const Vector3d& p : field.us_mm())
+    if ((p - centre).norm() <= radius_mm) near.push_back(p);
+  return near.empty() ? field.us_mm() : near;
+}
+
+double median_distance_mm(const std::vector<Eigen::Isometry3d>& poses, const Candidate& from,
+                          const FieldPoints& field) {
+  std::vector<double> distances;
+  for (const Eigen::Isometry3d& pose : poses)
+    distances.push_back(field.distance_mm(pose, from.T_us_ct));
+  return median(distances);
+}
+
+/// Optima of the search of the evidence, where that differs from the search that found `refined`.
+/// The optimum that `refined` leads to comes first.
+std::vector<Candidate> optima_around(const SearchProblem& problem, const Candidate& refined,
+                                     double rival_mm, Run& run) {
+  const LevelOptions& deciding = problem.options.levels.back();
+  std::vector<Candidate> own{{refined.T_us_ct, {}}};
+  evaluate(*problem.similarities.back(), own, run);
+  climb(*problem.similarities.back(), {deciding.optimizer, rival_mm, {}, problem.seed},
+        problem.field, own, run);
+  std::vector<Candidate> optima = own;
+  for (const Candidate& found : multi_start(problem, 0, {}, run)) {
+    const double distance_mm = problem.field.distance_mm(found.T_us_ct, own.front().T_us_ct);
+    if (distance_mm > rival_mm)
+      optima.push_back(found);
+    else if (found.value > optima.front().value)
+      optima.front() = found;  // the same optimum, climbed higher
+  }
+  return optima;
+}
+
+}  // namespace
+
+bool may_be_missed(const Assessment& assessment) {
+  const std::optional<RightProbability> right = right_probability(assessment.measures);
+  return !right || right->chance < 0.5;
+}
+
+Outcome<Assessment> Assessor::assess(const std::vector<Candidate>& optima, const Candidate& refined,
+                                     Run& run) {
+  const FieldPoints& field = images_.prepared.field;
+  Assessment assessment;
+  assessment.measures.overlap = refined.overlap;
+  assessment.measures.displacement_mm =
+      field.distance_mm(refined.T_us_ct, problem_.T_us_ct_initial);
+  assessment.measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optima.front().T_us_ct);
+  const ConfidenceOptions& confidence = options_.confidence;
+  if (!confidence.gates.max_wrong_probability) return assessment;
+  if (confidence.evidence == EvidenceSource::kPatient)
+    return assess_as_patient(std::move(assessment), refined, run);
+  return gather({images_, problem_}, optima, refined, std::move(assessment), run);
+}
+
+Outcome<Assessment> Assessor::assess_as_patient(Assessment assessment, const Candidate& refined,
+                                                Run& run) {
+  const RegistrationOptions patient;
+  const Outcome<ImagePyramid> images =
+      prepare(ultrasound_, ct_, problem_.T_us_ct_initial, patient, run);
+  if (!images) return images.refusal();
+  const SearchProblem problem{images->similarities(), patient.search, problem_.T_us_ct_initial,
+                              images->prepared.field, options_.seed};
+  const std::vector<Candidate> optima =
+      optima_around(problem, refined, options_.confidence.rival_mm, run);
+  return gather({*images, problem}, optima, refined, std::move(assessment), run);
+}
+
+Assessment Assessor::gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                            const Candidate& refined, Assessment assessment, Run& run) {
+  Measures& measures = assessment.measures;
+  compare_with_decoys(on, optima.front(), assessment, run);
+  compare_with_rivals(optima, measures);
+  compare_parts(on, refined, assessment, run);
+  if (const std::optional<RightProbability> right = right_probability(measures))
+    measures.wrong_probability = 1.0 - right->all();
+  return assessment;
+}
+
+void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& best,
+                                   Assessment& result, Run& run) {
+  const ConfidenceOptions& confidence = options_.confidence;
+  if (!decoys_)
+    decoys_ = search_decoys(on.problem, on.images.prepared.us->beams, confidence.decoys, run);
+  if (decoys_->empty()) return;
+  std::vector<double> values;
+  for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
+  const auto highest = std::max_element(values.begin(), values.end());
+  result.best_mirror = (*decoys_)[static_cast<std::size_t>(highest - values.begin())].mirror;
+  result.measures.mirror_ratio = best.value / *highest;
+  result.measures.chance_ratio = best.value / median(values);
+  const std::shared_ptr<const Similarity> patches =
+      make_similarity(*on.images.levels.back().images, confidence.similarity);
+  if (!patches) return;
+  const std::vector<Vector3d> centres = patches->part_centres_us_mm();
+  if (centres.empty()) return;
+  const std::vector<double> parts = patches->parts(best.pose());
+  double least = std::numeric_limits<double>::infinity();
+  for (const Decoy& decoy : *decoys_) {
+    const MirroredSimilarity mirrored(*patches, decoy.T_mirror);
+    least = std::min(least, paired_advantage(parts, mirrored.parts(decoy.best.pose()), centres,
+                                             confidence.cluster_mm));
+  }
+  result.measures.mirror_advantage = least;
+}
+
+void Assessor::compare_with_rivals(const std::vector<Candidate>& optima, Measures& measures) const {
+  const Candidate& best = optima.front();
+  for (std::size_t i = 1; i < optima.size(); ++i) {
+    if (images_.prepared.field.distance_mm(optima[i].T_us_ct, best.T_us_ct) <=
+        options_.confidence.rival_mm)
+      continue;
+    measures.rival_ratio = best.value / optima[i].value;
+    return;
+  }
+  measures.rival_ratio = measures.chance_ratio;
+}
+
+void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
+                             Run& run) const {
+  const ConfidenceOptions& confidence = options_.confidence;
+  const FieldPoints& field = on.images.prepared.field;
+  std::vector<HalfPoses> halves;
+  const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& motion_mm) {
+    const std::optional<HalfPoses> poses = poses_of_halves(
+        *on.images.levels.back().images, similarity, confidence.parts, refined, field, run);
+    if (!poses) return;
+    motion_mm = median_distance_mm(poses->all(), refined, field);
+    halves.push_back(*poses);
+  };
+  measure(confidence.similarity, result.measures.parts_mm);
+  measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
+  if (halves.empty()) return;
+  const ErrorOptions& error = confidence.error;
+  result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error);
+  const double expected_mm =
+      expected_tre_mm(*result.covariance, middle_of(field, error.target_radius_mm)).rms_mm;
+  result.measures.expected_error_mm = expected_mm;
+  result.measures.error_bound_mm = error.bound_factor * expected_mm;
+}
+
+}  // namespace usct::registration

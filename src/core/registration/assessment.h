@@ -1,0 +1,64 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "registration/decoys.h"
+#include "registration/image_pyramid.h"
+#include "registration/outcome.h"
+#include "registration/parts.h"
+
+/// The evidence for a pose, from the case itself: mirrored ultrasound, rivals, parts of the field.
+namespace usct::registration {
+
+struct Assessment {
+  Measures measures;
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+  /// The best mirrored ultrasound; unset if none has a value.
+  std::optional<Mirror> best_mirror;
+};
+
+/// Whether another round could find the right pose: nothing that was found is better than chance.
+/// A pose that mirrored ultrasound beats, or that parts do not agree about, has been found.
+bool may_be_missed(const Assessment& assessment);
+
+/// Images, and the search on them that the evidence is compared with. Both must outlive it.
+struct EvidenceImages {
+  const ImagePyramid& images;
+  const SearchProblem& problem;
+};
+
+class Assessor {
+ public:
+  /// `problem` is the search on `images`. The objects that the arguments refer to must outlive the
+  /// assessor.
+  Assessor(const BeamUltrasound& ultrasound, const CtVolume& ct, const ImagePyramid& images,
+           const SearchProblem& problem, const RegistrationOptions& options)
+      : ultrasound_(ultrasound), ct_(ct), images_(images), problem_(problem), options_(options) {}
+
+  /// `optima` are those of the search, best first; `refined` is the first one after its refinement.
+  /// Evidence is gathered only if a gate asks for it. Refuses if the images of the evidence cannot
+  /// be made.
+  Outcome<Assessment> assess(const std::vector<Candidate>& optima, const Candidate& refined,
+                             Run& run);
+
+ private:
+  Outcome<Assessment> assess_as_patient(Assessment assessment, const Candidate& refined, Run& run);
+  Assessment gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                    const Candidate& refined, Assessment assessment, Run& run);
+  void compare_with_decoys(const EvidenceImages& on, const Candidate& best, Assessment& result,
+                           Run& run);
+  void compare_with_rivals(const std::vector<Candidate>& optima, Measures& measures) const;
+  void compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
+                     Run& run) const;
+
+  const BeamUltrasound& ultrasound_;
+  const CtVolume& ct_;
+  const ImagePyramid& images_;
+  const SearchProblem& problem_;
+  const RegistrationOptions& options_;
+  /// Those of the first round. They are kept: later rounds need not search for them again.
+  std::optional<std::vector<Decoy>> decoys_;
+};
+
+}  // namespace usct::registration

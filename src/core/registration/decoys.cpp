@@ -1,0 +1,67 @@
+#include "registration/decoys.h"
+
+#include <algorithm>
+
+namespace usct::registration {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// The search of a decoy: as many starts, fewer climbs at the deciding level, which also end
+/// sooner, since only the height of the optimum counts.
+SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
+  SearchOptions decoy = search;
+  LevelOptions& deciding = decoy.levels.back();
+  deciding.optimised = std::min(deciding.optimised, options.optimised);
+  deciding.optimizer.step_tolerance *= options.tolerance_factor;
+  deciding.optimizer.step_tolerance =
+      std::min(deciding.optimizer.step_tolerance, deciding.optimizer.initial_step);
+  return decoy;
+}
+
+}  // namespace
+
+Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centre_us_mm) {
+  const FieldAxes axes = field_axes(beams);
+  Matrix3d linear = Matrix3d::Identity();
+  if (mirror != Mirror::kFrames) linear -= 2.0 * axes.lateral * axes.lateral.transpose();
+  if (mirror != Mirror::kLines) linear -= 2.0 * axes.elevation * axes.elevation.transpose();
+  Isometry3d motion = Isometry3d::Identity();
+  motion.linear() = linear;
+  motion.translation() = centre_us_mm - linear * centre_us_mm;
+  return motion;
+}
+
+void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count,
+                                  SimilarityValue* values, const Check& check) const {
+  std::vector<SimilarityPose> moved;
+  moved.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) moved.push_back(mirrored(poses[i]));
+  original_.evaluate(moved.data(), count, values, check);
+}
+
+std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& beams,
+                                 const DecoyOptions& options, Run& run) {
+  const SearchOptions search = decoy_search(problem.options, options);
+  const Vector3d centre = problem.field.centre_us_mm();
+  std::vector<Decoy> decoys;
+  for (const auto& [mirror, name] : words_of(Mirror{})) {
+    const Isometry3d motion = mirror_of(mirror, beams, centre);
+    std::vector<MirroredSimilarity> mirrored;
+    mirrored.reserve(problem.similarities.size());
+    std::vector<const Similarity*> similarities;
+    for (const Similarity* similarity : problem.similarities) {
+      mirrored.emplace_back(*similarity, motion);
+      similarities.push_back(&mirrored.back());
+    }
+    const SearchProblem decoy{similarities, search, problem.T_us_ct_initial, problem.field,
+                              problem.seed};
+    const std::vector<Candidate> optima = multi_start(decoy, 0, {}, run);
+    if (!optima.empty()) decoys.push_back({mirror, motion, optima.front()});
+  }
+  return decoys;
+}
+
+}  // namespace usct::registration

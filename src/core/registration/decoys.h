@@ -1,0 +1,57 @@
+#pragma once
+
+#include <vector>
+
+#include "registration/field_axes.h"
+#include "registration/multi_start.h"
+#include "us_ct_registration/registration/gates.h"
+
+/// Decoys: the ultrasound mirrored, and searched for in the CT like the ultrasound itself. A
+/// mirrored field of view has the same brightness, noise and layers, but no right pose. The
+/// similarity that decoys reach is therefore what chance, and an anatomy that is nearly symmetric,
+/// can reach in this very case.
+namespace usct::registration {
+
+/// The motion of the field of view that makes a decoy, US frame, mm. It keeps the centre of the
+/// field. Reversed lines and reversed frames are reflections (determinant -1), both together are a
+/// half turn about the beams.
+Eigen::Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams,
+                            const Eigen::Vector3d& centre_us_mm);
+
+/// The similarity of the mirrored ultrasound: that of the ultrasound at T_ct_us * mirror. The
+/// original must outlive it. Must not be used with a similarity that simulates beams, which accepts
+/// rotations alone.
+class MirroredSimilarity final : public Similarity {
+ public:
+  MirroredSimilarity(const Similarity& original, const Eigen::Isometry3d& mirror)
+      : original_(original), mirror_(mirror) {}
+
+  using Similarity::evaluate;
+  void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                const Check& check) const override;
+  std::vector<double> parts(const SimilarityPose& pose) const override {
+    return original_.parts(mirrored(pose));
+  }
+
+ private:
+  SimilarityPose mirrored(const SimilarityPose& pose) const {
+    return {pose.T_ct_us * mirror_, pose.errors};
+  }
+
+  const Similarity& original_;
+  Eigen::Isometry3d mirror_;
+};
+
+/// One decoy, and the best pose that the search found for it.
+struct Decoy {
+  Mirror mirror = Mirror::kLines;
+  Eigen::Isometry3d T_mirror = Eigen::Isometry3d::Identity();
+  Candidate best;
+};
+
+/// Searches for the decoys as `problem` searches for the ultrasound. Decoys without any value are
+/// left out.
+std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& beams,
+                                 const DecoyOptions& options, Run& run);
+
+}  // namespace usct::registration

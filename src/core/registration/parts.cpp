@@ -1,0 +1,73 @@
+#include "registration/parts.h"
+
+#include <array>
+
+#include "parallel.h"
+#include "us_ct_registration/similarity/catalogue.h"
+
+namespace usct::registration {
+namespace {
+
+enum class Along { kLines, kFrames };
+
+/// The sample masks of the two halves along lines or frames, with as many known samples each.
+std::array<std::shared_ptr<BeamUltrasound>, 2> halves_of(const BeamUltrasound& us, Along along) {
+  const BeamGrid& beams = us.beams;
+  const auto samples = static_cast<std::size_t>(beams.samples());
+  const auto position = [&](int frame, int line) { return along == Along::kLines ? line : frame; };
+  std::vector<std::size_t> known(
+      static_cast<std::size_t>(along == Along::kLines ? beams.lines : beams.frames));
+  std::array<std::shared_ptr<BeamUltrasound>, 2> halves{std::make_shared<BeamUltrasound>(us),
+                                                        std::make_shared<BeamUltrasound>(us)};
+  for (auto& half : halves)
+    if (half->known.empty()) half->known.assign(us.brightness.size(), 1);
+  const std::vector<std::uint8_t> all = halves[0]->known;
+  const auto for_beams = [&](const auto& use) {
+    std::size_t begin = 0;
+    for (int f = 0; f < beams.frames; ++f)
+      for (int l = 0; l < beams.lines; ++l, begin += samples) use(position(f, l), begin);
+  };
+  std::size_t total = 0;
+  for_beams([&](int at, std::size_t begin) {
+    for (std::size_t i = begin; i < begin + samples; ++i)
+      if (all[i] != 0) {
+        ++known[static_cast<std::size_t>(at)];
+        ++total;
+      }
+  });
+  int split = 0;
+  for (std::size_t sum = 0; 2 * sum < total; ++split) sum += known[static_cast<std::size_t>(split)];
+  for_beams([&](int at, std::size_t begin) {
+    auto& other = halves[at < split ? 1 : 0]->known;
+    std::fill_n(other.begin() + static_cast<std::ptrdiff_t>(begin), samples, 0);
+  });
+  return halves;
+}
+
+}  // namespace
+
+std::optional<HalfPoses> poses_of_halves(const SimilarityImages& images,
+                                         const SimilarityOptions& similarity,
+                                         const PartOptions& options, const Candidate& pose,
+                                         const FieldPoints& field, Run& run) {
+  std::vector<std::shared_ptr<BeamUltrasound>> halves;
+  for (const Along along : {Along::kLines, Along::kFrames})
+    for (auto& half : halves_of(images.ultrasound(), along)) halves.push_back(std::move(half));
+  std::vector<Candidate> found(halves.size());
+  parallel_for(static_cast<int>(halves.size()), [&](int i) {
+    const auto at = static_cast<std::size_t>(i);
+    SimilarityImages half(halves[at], images.packed_ct(), nullptr, needs_of(similarity).beams,
+                          images.backend());
+    const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
+    if (!part) return;
+    std::vector<Candidate> climbed{{pose.T_us_ct, {}}};
+    evaluate(*part, climbed, run);
+    climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
+    found[at] = climbed.front();
+  });
+  for (const Candidate& candidate : found)
+    if (!candidate.has_value()) return std::nullopt;
+  return HalfPoses{found[0].T_us_ct, found[1].T_us_ct, found[2].T_us_ct, found[3].T_us_ct};
+}
+
+}  // namespace usct::registration

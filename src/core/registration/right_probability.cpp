@@ -1,0 +1,40 @@
+#include <algorithm>
+#include <cmath>
+
+#include "us_ct_registration/registration/gates.h"
+
+namespace usct {
+namespace {
+
+double logistic(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)); }
+
+/// The logarithm of a value within the range in which the calibration has seen it; a value beyond
+/// counts as its end, since nothing says that the trend goes on.
+double log_within(double value, double low, double high) {
+  return std::log(std::clamp(value, low, high));
+}
+
+/// Poses farther than this from the initial one need stronger evidence: the log odds fall by one
+/// for every kPerMm.
+constexpr double kUsualDisplacementMm = 40.0;
+constexpr double kPerMm = 10.0;
+
+}  // namespace
+
+std::optional<RightProbability> right_probability(const Measures& m) {
+  for (const std::optional<double>& value :
+       {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.chance_ratio, m.rival_ratio,
+        m.parts_mm, m.ridge_parts_mm})
+    if (!value || std::isnan(*value)) return std::nullopt;
+  const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
+  RightProbability right;
+  right.mirrors = logistic(-0.5 + 6.5 * log_within(*m.mirror_ratio, 0.7, 2.5) +
+                           1.7 * std::clamp(*m.mirror_advantage, -3.0, 6.0));
+  right.chance = logistic(-4.5 + 7.7 * log_within(*m.chance_ratio, 0.7, 2.5) +
+                          6.2 * log_within(*m.rival_ratio, 0.7, 3.0) - far);
+  right.parts = logistic(6.5 - 4.0 * log_within(*m.parts_mm, 0.5, 6.0) -
+                         3.0 * log_within(*m.ridge_parts_mm, 0.8, 8.0));
+  return right;
+}
+
+}  // namespace usct
