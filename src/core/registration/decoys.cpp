@@ -9,15 +9,18 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// The search of a decoy: as many starts, fewer climbs at the deciding level, which also end
-/// sooner, since only the height of the optimum counts.
+/// The search of a decoy: as many starts, fewer climbs at the deciding level, and all climbs end
+/// sooner, since only the height of the best optimum counts.
 SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
   SearchOptions decoy = search;
+  for (LevelOptions& level : decoy.levels) {
+    double& tolerance = level.optimizer.step_tolerance;
+    // An optimizer's tolerance must stay below its first step.
+    tolerance = std::max(tolerance, std::min(options.tolerance_factor * tolerance,
+                                             0.5 * level.optimizer.initial_step));
+  }
   LevelOptions& deciding = decoy.levels.back();
   deciding.optimised = std::min(deciding.optimised, options.optimised);
-  deciding.optimizer.step_tolerance *= options.tolerance_factor;
-  deciding.optimizer.step_tolerance =
-      std::min(deciding.optimizer.step_tolerance, deciding.optimizer.initial_step);
   return decoy;
 }
 
@@ -56,8 +59,9 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& b
       mirrored.emplace_back(*similarity, motion);
       similarities.push_back(&mirrored.back());
     }
-    const SearchProblem decoy{similarities, search, problem.T_us_ct_initial, problem.field,
-                              problem.seed};
+    // The initial pose was given for the ultrasound, so that decoys climb from starts alone.
+    const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
+                              problem.field, problem.seed, false};
     const std::vector<Candidate> optima = multi_start(decoy, 0, {}, run);
     if (!optima.empty()) decoys.push_back({mirror, motion, optima.front()});
   }

@@ -57,7 +57,7 @@ std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at,
   evaluate(similarity, candidates, run);
   sort_best_first(candidates, breadth * static_cast<std::size_t>(optimised));
   // The initial pose was given on purpose: the first round climbs from it at every level.
-  if (at > 0 && round == 0) {
+  if (at > 0 && round == 0 && problem.climbs_from_initial) {
     std::vector<Candidate> initial{{problem.T_us_ct_initial, {}}};
     evaluate(similarity, initial, run);
     candidates.push_back(initial.front());

@@ -15,6 +15,8 @@ struct SearchProblem {
   const Eigen::Isometry3d& T_us_ct_initial;
   const FieldPoints& field;
   std::uint32_t seed;
+  /// Whether the first round climbs from the initial pose at every level.
+  bool climbs_from_initial = true;
 };
 
 /// One round of the search; `round` counts from 0. Returns the optima of the deciding level
