@@ -214,29 +214,41 @@ inline void randomise(RefinementOptions& o) {
   o.sweep_error = needs.follows_sweep_error ? between(0, 0.1) : 0.0;
 }
 inline void randomise(GateLimits& o) {
-  auto& [overlap, significance, margin, disagreement, displacement, scatter] = o;
+  auto& [overlap, wrong_probability] = o;
   overlap = maybe(0, 1);
-  significance = maybe(-9, 99);
-  margin = maybe(0, 1);
-  disagreement = maybe(0, 9);
-  displacement = maybe(1, 99);
-  scatter = maybe(0, 9);
+  wrong_probability = maybe(0, 1);
+}
+inline void randomise(DecoyOptions& o) {
+  auto& [optimised, tolerance_factor] = o;
+  optimised = any_int(1, 100);
+  tolerance_factor = between(1, 9);
+}
+inline void randomise(PartOptions& o) {
+  auto& [optimizer, reach_mm] = o;
+  randomise(optimizer);
+  reach_mm = between(10, 100);
+}
+inline void randomise(ErrorOptions& o) {
+  auto& [factor, sound_speed, lag, other_mm, bound, radius_mm] = o;
+  factor = between(0.1, 9);
+  sound_speed = between(0, 0.2);
+  lag = between(0, 3);
+  other_mm = between(0, 3);
+  bound = between(0.1, 9);
+  radius_mm = between(1, 99);
 }
 inline void randomise(ConfidenceOptions& o) {
-  auto& [gates, background, rival_mm, scatter, factor, systematic] = o;
+  auto& [gates, source, rival_mm, decoys, similarity, ridge_similarity, cluster_mm, parts, error] =
+      o;
   randomise(gates);
-  auto& [count, spread_rad, spread_mm, away_mm] = background;
-  count = any_int(16, 500);
-  spread_rad = between(0.1, 1.5);
-  spread_mm = between(1, 50);
-  away_mm = between(0, 30);
+  source = one_of({EvidenceSource::kOwn, EvidenceSource::kPatient});
   rival_mm = between(0, 30);
-  auto& [similarity, around_mm, least_curvature] = scatter;
+  randomise(decoys);
   randomise(similarity);
-  around_mm = between(0.1, 9);
-  least_curvature = between(0.001, 1);
-  factor = between(0.1, 9);
-  systematic = between(0, 3);
+  randomise(ridge_similarity);
+  cluster_mm = between(1, 50);
+  randomise(parts);
+  randomise(error);
 }
 inline RegistrationOptions any_options() {
   RegistrationOptions options;

@@ -48,12 +48,10 @@ bool same(const RegistrationOptions& a, const RegistrationOptions& b) {
   };
   const auto text = [](RegistrationOptions o) {
     if (o.search.starts) o.search.starts->rotation_rad = 0.0;
-    o.confidence.background.spread_rad = 1.0;
     return registration_options_yaml(o);
   };
   const auto near = [](double x, double y) { return std::abs(x - y) <= 1e-15 * x; };
-  return text(a) == text(b) && near(angle(a), angle(b)) &&
-         near(a.confidence.background.spread_rad, b.confidence.background.spread_rad);
+  return text(a) == text(b) && near(angle(a), angle(b));
 }
 
 RC_GTEST_PROP(RegistrationOptionsIo, EveryFieldComesBackFromAFile, ()) {
@@ -126,6 +124,15 @@ TEST(Presets, AFileChangesOnlyWhatItHolds) {
 TEST(Presets, PatientIsWhatTheHeaderSays) {
   EXPECT_EQ(registration_options_yaml(RegistrationOptions()),
             registration_options_yaml(preset("patient")));
+}
+
+/// Presets differ in how they search, and not in what they believe.
+TEST(Presets, AllHaveTheSameGates) {
+  for (const std::string& name : preset_names()) {
+    const GateLimits gates = preset(name).confidence.gates;
+    EXPECT_EQ(gates.min_overlap, GateLimits().min_overlap) << name;
+    EXPECT_EQ(gates.max_wrong_probability, GateLimits().max_wrong_probability) << name;
+  }
 }
 
 TEST(Presets, LevelsAreChangedByNumberLeftOutOrReplaced) {
@@ -271,6 +278,10 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
   expect_refused(search("rounds: {most: 7}"), {"'search.rounds.most' is 7", "[1, 6]"});
   expect_refused("preset: patient\nconfidence: {gates: {min_overlap: 2}}\n",
                  {"'confidence.gates.min_overlap' is 2"});
+  expect_refused("preset: patient\nconfidence: {gates: {max_scatter_mm: 0.5}}\n",
+                 {"'confidence.gates.max_scatter_mm' is unknown"});
+  expect_refused("preset: patient\nconfidence: {evidence: mine}\n",
+                 {"'confidence.evidence' is 'mine'", "own, patient"});
   expect_refused("preset: thesis_b\nrefinement:\n  spacing_mm: none\n  similarity:\n" +
                      simulated_similarity() +
                      "  optimizer: {method: bobyqa, max_evaluations: 9, initial_step: 1, "
@@ -300,7 +311,7 @@ TEST(RegistrationOptionsIo, EveryKeyIsDocumented) {
     for (const auto& [path, value] : registration_options_text(preset(name))) keys.insert(path);
   for (const std::string& name : similarity_names()) {
     RegistrationOptions options;
-    options.confidence.scatter.similarity = similarity_named(name, "test");
+    options.confidence.similarity = similarity_named(name, "test");
     for (const auto& [path, value] : registration_options_text(options)) keys.insert(path);
   }
   for (std::string key : keys) {

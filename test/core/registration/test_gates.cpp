@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "core/io/expect_input_error.h"
@@ -16,11 +14,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 Measures passing(const GateLimits& limits) {
   Measures measures;
   measures.overlap = limits.min_overlap;
-  measures.significance = limits.min_significance;
-  measures.margin = limits.min_margin;
-  measures.disagreement_mm = limits.max_disagreement_mm;
-  measures.displacement_mm = limits.max_displacement_mm;
-  measures.scatter_mm = limits.max_scatter_mm;
+  measures.wrong_probability = limits.max_wrong_probability;
   return measures;
 }
 
@@ -52,136 +46,96 @@ TEST(Gates, EachHasItsLimitOnItsSide) {
     return judge(measures, limits).has_value();
   };
   EXPECT_TRUE(fails([](Measures& m) { *m.overlap -= 1e-9; }));
-  EXPECT_TRUE(fails([](Measures& m) { *m.significance -= 1e-9; }));
-  EXPECT_TRUE(fails([](Measures& m) { *m.margin -= 1e-9; }));
-  EXPECT_TRUE(fails([](Measures& m) { *m.disagreement_mm += 1e-9; }));
-  EXPECT_TRUE(fails([](Measures& m) { *m.displacement_mm += 1e-9; }));
-  EXPECT_TRUE(fails([](Measures& m) { *m.scatter_mm += 1e-9; }));
+  EXPECT_TRUE(fails([](Measures& m) { *m.wrong_probability += 1e-9; }));
   EXPECT_FALSE(fails([](Measures& m) { *m.overlap = 1.0; }));
-  EXPECT_FALSE(fails([](Measures& m) { *m.significance = 99.0; }));
-  EXPECT_FALSE(fails([](Measures& m) { *m.margin = 1.0; }));
-  EXPECT_FALSE(fails([](Measures& m) { m.disagreement_mm = m.displacement_mm = 0.0; }));
-  EXPECT_FALSE(fails([](Measures& m) { m.scatter_mm = 0.0; }));
+  EXPECT_FALSE(fails([](Measures& m) { *m.wrong_probability = 0.0; }));
 }
 
 TEST(Gates, AGateIsSwitchedOffByName) {
   GateLimits limits;
-  limits.max_scatter_mm.reset();
-  Measures measures = passing(GateLimits{});
-  measures.scatter_mm.reset();
+  limits.max_wrong_probability.reset();
+  Measures measures = passing({});
+  measures.wrong_probability.reset();
   EXPECT_FALSE(judge(measures, limits));
-  measures.margin.reset();
+  measures.overlap.reset();
   EXPECT_TRUE(judge(measures, limits));
+}
+
+TEST(Gates, WithNoneOfThemNothingIsRefused) {
+  EXPECT_FALSE(judge(Measures{}, GateLimits::none()));
+  Measures measures;
+  measures.overlap = 0.0;
+  measures.wrong_probability = 1.0;
+  EXPECT_FALSE(judge(measures, GateLimits::none()));
 }
 
 TEST(Measures, ComeBackFromTheirNames) {
   Measures measures = passing({});
-  measures.margin.reset();
   measures.sweep_error = -0.01;
   EXPECT_EQ(by_name(measures_from(by_name(measures), "test")), by_name(measures));
-  EXPECT_EQ(by_name(measures).size(), 6U);
+  EXPECT_EQ(by_name(measures).size(), 3U);
   expect_input_error(
       [] {
-        measures_from({{"skatter_mm", 1.0}}, "file.json");
+        measures_from({{"scatter_mm", 1.0}}, "file.json");
       },
-      {"file.json", "skatter_mm"});
+      {"file.json", "scatter_mm"});
 }
 
+/// Expects a refusal whose first candidate is the right pose all the same.
 void expect_refused(const RegistrationResult& result, RegistrationStatus status,
-                    const std::string& named) {
+                    const std::vector<std::string>& named) {
   EXPECT_EQ(result.status, status) << result.message;
   EXPECT_FALSE(result.T_us_ct);
-  EXPECT_NE(result.message.find(named), std::string::npos) << result.message;
-}
-
-/// A similarity that has no parts measures no scatter.
-TEST(Gates, ARegistrationWithoutScatterIsRefusedUnlessTheGateIsOff) {
-  const std::string scatter =
-      "scatter: {similarity: {kind: ncc, patches: {depth_mm: 6, lateral_mm: 8, elevation_mm: 8, "
-      "least_share: 0.5, samples: all}}}";
-  expect_refused(registered(agar_case(), nearby(agar_case()),
-                            quick_options("confidence: {" + scatter + "}\n")),
-                 RegistrationStatus::kLowConfidence, "scatter_mm was not measured");
-  const RegistrationResult result =
-      registered(agar_case(), nearby(agar_case()),
-                 quick_options("confidence: {gates: {max_scatter_mm: none}, " + scatter + "}\n"));
-  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-}
-
-/// Registers with one gate that no pose passes.
-void expect_gate(const std::string& option, const std::string& impossible,
-                 const std::string& measure, const std::string& limit) {
-  const RegistrationResult result =
-      registered(agar_case(), nearby(agar_case()),
-                 quick_options("confidence: {gates: {" + option + ": " + impossible + "}}\n"));
-  expect_refused(result, RegistrationStatus::kLowConfidence, measure + " is ");
-  char value[32];
-  std::snprintf(value, sizeof(value), "%.3g", by_name(result.measures).at(measure));
-  expect_refused(result, RegistrationStatus::kLowConfidence,
-                 measure + " is " + value + ", must be " + limit);
+  for (const std::string& part : named)
+    EXPECT_NE(result.message.find(part), std::string::npos) << part << "\n" << result.message;
   ASSERT_FALSE(result.candidates.empty());
   EXPECT_LT(agar_case().error_mm(result.candidates.front().T_us_ct), 1.0);
 }
 
-TEST(Gates, EachRefusesAndSaysWhy) {
-  expect_gate("min_significance", "1e6", "significance", ">= 1e+06");
-  expect_gate("max_disagreement_mm", "1e-6", "disagreement_mm", "<= 1e-06");
-  expect_gate("max_displacement_mm", "2.5", "displacement_mm", "<= 2.5");
-  expect_gate("max_scatter_mm", "0.01", "scatter_mm", "<= 0.01");
+RegistrationResult with_options(const std::string& changes) {
+  return registered(agar_case(), nearby(agar_case()), quick_options(changes));
+}
+
+TEST(Gates, AnImpossibleLimitRefusesARightPoseAndSaysWhy) {
+  const RegistrationResult result =
+      with_options("confidence: {gates: {max_wrong_probability: 0}}\n");
+  char value[32];
+  std::snprintf(value, sizeof(value), "%.3g", result.measures.wrong_probability.value());
+  expect_refused(result, RegistrationStatus::kLowConfidence,
+                 {"wrong_probability is " + std::string(value) + ", must be <= 0"});
 }
 
 TEST(Gates, Overlap) {
-  const RegistrationResult result = registered(
-      agar_case(), nearby(agar_case()), quick_options("confidence: {gates: {min_overlap: 1}}\n"));
+  const RegistrationResult result = with_options("confidence: {gates: {min_overlap: 1}}\n");
   ASSERT_LT(result.overlap, 1.0);
-  expect_refused(result, RegistrationStatus::kNoOverlap, "overlap is ");
-  expect_refused(result, RegistrationStatus::kNoOverlap, "must be >= 1");
-  EXPECT_FALSE(result.candidates.empty());
+  expect_refused(result, RegistrationStatus::kNoOverlap, {"overlap is ", "must be >= 1"});
 }
 
-/// Registers with levels that keep many optima.
-RegistrationResult with_rivals(const std::string& gates) {
-  RegistrationOptions options = quick_options("confidence: {gates: {" + gates + "}}\n");
-  options.search.levels[0].optimised = 12;
-  options.search.levels[0].kept = 12;
-  options.search.levels[1].optimised = 12;
-  return registered(agar_case(), nearby(agar_case()), options);
-}
-
-/// Registers with a margin that fails if any other optimum is above the background.
-RegistrationResult with_margin_of_one(const std::string& max_scatter_mm) {
-  return with_rivals("min_margin: 1, max_scatter_mm: " + max_scatter_mm);
-}
-
-TEST(Gates, MarginAgainstOptimaElsewhere) {
-  const RegistrationResult result = with_margin_of_one("none");
-  expect_refused(result, RegistrationStatus::kLowConfidence, "margin is ");
-  ASSERT_GE(result.candidates.size(), 2U);
-  for (std::size_t i = 1; i < result.candidates.size(); ++i)
-    EXPECT_LE(result.candidates[i].similarity, result.candidates[i - 1].similarity);
-}
-
-TEST(Gates, WhatScattersTooMuchIsNoRival) {
-  const double limit_mm = *GateLimits().max_scatter_mm;
-  const RegistrationResult result = with_margin_of_one(std::to_string(limit_mm));
+/// A similarity that has no parts cannot be compared patch by patch.
+TEST(Gates, ARegistrationWithoutEvidenceIsRefusedUnlessTheGateIsOff) {
+  const std::string no_parts =
+      "similarity: {kind: ncc, patches: {depth_mm: 6, lateral_mm: 8, elevation_mm: 8, "
+      "least_share: 0.5, samples: all}}";
+  expect_refused(with_options("confidence: {" + no_parts + "}\n"),
+                 RegistrationStatus::kLowConfidence,
+                 {"wrong_probability was not measured", "no evidence"});
+  const RegistrationResult result =
+      with_options("confidence: {gates: {max_wrong_probability: none}, " + no_parts + "}\n");
   EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-  EXPECT_LT(result.measures.scatter_mm.value(), limit_mm);
-  EXPECT_EQ(result.measures.margin.value(), 1.0);
 }
 
-/// The best optimum is the truth, which lies beyond the limit.
-TEST(Gates, WhatIsTooFarAndScattersGivesWayToTheNextBest) {
-  const RegistrationResult all = with_rivals("max_scatter_mm: 0.01");  // no optimum passes
-  ASSERT_GE(all.candidates.size(), 2U);
-  ASSERT_LT(agar_case().error_mm(all.candidates.front().T_us_ct), 1.0);
-  const RegistrationResult other = with_rivals("max_scatter_mm: 0.01, max_displacement_mm: 6");
-  EXPECT_EQ(other.status, RegistrationStatus::kLowConfidence);
-  EXPECT_TRUE(std::any_of(all.candidates.begin() + 1, all.candidates.end(),
-                          [&](const auto& next) { return next.similarity == other.similarity; }));
-  // An optimum that does not scatter is kept, and is refused for its distance.
-  const RegistrationResult far = with_rivals("max_scatter_mm: 0.5, max_displacement_mm: 6");
-  expect_refused(far, RegistrationStatus::kLowConfidence, "displacement_mm is ");
-  EXPECT_EQ(far.similarity, all.similarity);
+/// Nothing is spent on evidence that no gate asks for.
+TEST(Gates, WithoutTheGateNoEvidenceIsGathered) {
+  const RegistrationResult judged = with_options("");
+  const RegistrationResult result =
+      with_options("confidence: {gates: {max_wrong_probability: none}}\n");
+  ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_EQ(result.candidates.front().T_us_ct.matrix(), judged.candidates.front().T_us_ct.matrix());
+  EXPECT_LT(result.evaluations, judged.evaluations);
+  EXPECT_FALSE(result.covariance);
+  EXPECT_FALSE(result.measures.mirror_ratio);
+  EXPECT_TRUE(result.measures.overlap);
+  EXPECT_TRUE(result.measures.displacement_mm);
 }
 
 }  // namespace

@@ -88,30 +88,39 @@ RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sampl
 }
 
 /// Kidneys are nearly symmetric, as is a block of agar: a mirror image is the most similar wrong
-/// one.
-TEST(Refusals, MirroredUltrasound) {
+/// one. The ultrasound as it should be is then among the decoys, and tells what is wrong.
+TEST(Refusals, MirroredUltrasoundIsNamed) {
   for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
     const int lines = images->us.beams.lines, frames = images->us.beams.frames;
     const RegistrationCase across_lines = reordered(
         *images, [&](int f, int l, int s) { return Eigen::Vector3i(f, lines - 1 - l, s); });
     const RegistrationCase across_frames = reordered(
         *images, [&](int f, int l, int s) { return Eigen::Vector3i(frames - 1 - f, l, s); });
-    for (const RegistrationCase* mirrored : {&across_lines, &across_frames})
-      for (const double sign : {1.0, -1.0})
-        expect_refused(registered(*mirrored, nearby(*mirrored, sign)),
-                       RegistrationStatus::kLowConfidence, "must be");
+    for (const double sign : {1.0, -1.0}) {
+      expect_refused(registered(across_lines, nearby(across_lines, sign)),
+                     RegistrationStatus::kLowConfidence, "better with its lines in reverse order");
+      expect_refused(registered(across_frames, nearby(across_frames, sign)),
+                     RegistrationStatus::kLowConfidence, "better with its frames in reverse order");
+    }
   }
 }
 
-TEST(Refusals, AnotherAnatomy) {
-  const auto kidney_ct_mm = [](const RegistrationCase& images) -> Vector3d {
-    return images.T_us_ct_true.inverse() * middle_us_mm(images);
+/// The CT of another case, its kidney where that of the right CT is.
+RegistrationCase with_ct_of(const RegistrationCase& other, RegistrationCase images) {
+  const auto kidney_ct_mm = [](const RegistrationCase& its) -> Vector3d {
+    return its.T_us_ct_true.inverse() * middle_us_mm(its);
   };
-  RegistrationCase images = agar_case();
-  images.ct = moved(
-      patient_case().ct,
-      Isometry3d(Eigen::Translation3d(kidney_ct_mm(agar_case()) - kidney_ct_mm(patient_case()))));
-  expect_refused(registered(images, nearby(images)), RegistrationStatus::kLowConfidence, "must be");
+  images.ct =
+      moved(other.ct, Isometry3d(Eigen::Translation3d(kidney_ct_mm(images) - kidney_ct_mm(other))));
+  return images;
+}
+
+TEST(Refusals, AnotherAnatomy) {
+  const RegistrationCase agar = with_ct_of(patient_case(), agar_case());
+  const RegistrationCase patient = with_ct_of(agar_case(), patient_case());
+  for (const RegistrationCase* images : {&agar, &patient})
+    expect_refused(registered(*images, nearby(*images)), RegistrationStatus::kLowConfidence,
+                   "wrong_probability is ");
 }
 
 TEST(Refusals, InitialPoseThatIsNotFinite) {
@@ -208,10 +217,39 @@ TEST(Refusals, InvalidOptions) {
         o.refinement->sweep_error = 0.01;
       },
       {"refinement", "'sweep_error' is 0.01", "simulated_lc2 cannot follow it"});
-  expect_error([](RegistrationOptions& o) { o.confidence.gates.min_margin = 2.0; },
-               {"confidence.gates", "'min_margin' is 2"});
-  expect_error([](RegistrationOptions& o) { o.confidence.background.count = 3; },
-               {"confidence.background", "'count' is 3"});
+  expect_error([](RegistrationOptions& o) { o.confidence.gates.max_wrong_probability = 2.0; },
+               {"confidence.gates", "'max_wrong_probability' is 2"});
+  expect_error([](RegistrationOptions& o) { o.confidence.gates.min_overlap = kNan; },
+               {"confidence.gates", "'min_overlap' is nan"});
+}
+
+TEST(Refusals, InvalidOptionsOfTheEvidence) {
+  const auto expect_error = [](const auto& change, const std::vector<std::string>& named) {
+    RegistrationOptions options = quick_options();
+    change(options.confidence);
+    expect_input_error([&] { options.validate("o"); }, named);
+  };
+  using Confidence = ConfidenceOptions;
+  expect_error([](Confidence& o) { o.rival_mm = -1.0; }, {"o.confidence", "'rival_mm' is -1"});
+  expect_error([](Confidence& o) { o.cluster_mm = 0.0; }, {"o.confidence", "'cluster_mm' is 0"});
+  expect_error([](Confidence& o) { o.decoys.optimised = 0; },
+               {"o.confidence.decoys", "'optimised' is 0"});
+  expect_error([](Confidence& o) { o.decoys.tolerance_factor = 0.5; },
+               {"o.confidence.decoys", "'tolerance_factor' is 0.5"});
+  expect_error([](Confidence& o) { o.parts.reach_mm = 0.1; },
+               {"o.confidence.parts", "'reach_mm' is 0.1"});
+  expect_error([](Confidence& o) { o.error.parts_factor = 0.0; },
+               {"o.confidence.error", "'parts_factor' is 0"});
+  expect_error([](Confidence& o) { o.error.sound_speed_share = 0.3; },
+               {"o.confidence.error", "'sound_speed_share' is 0.3"});
+  expect_error([](Confidence& o) { o.error.lag_frames = -1.0; },
+               {"o.confidence.error", "'lag_frames' is -1"});
+  expect_error([](Confidence& o) { o.error.other_mm = kNan; },
+               {"o.confidence.error", "'other_mm' is nan"});
+  expect_error([](Confidence& o) { o.error.bound_factor = 0.0; },
+               {"o.confidence.error", "'bound_factor' is 0"});
+  expect_error([](Confidence& o) { o.error.target_radius_mm = 0.0; },
+               {"o.confidence.error", "'target_radius_mm' is 0"});
 }
 
 }  // namespace

@@ -45,6 +45,15 @@ TEST(Registration, RecoversMotorisedAgar) { expect_recovered(agar_case()); }
 
 TEST(Registration, RecoversTrackedPatient) { expect_recovered(patient_case()); }
 
+TEST(Registration, EveryPresetAcceptsARightPose) {
+  for (const RegistrationCase* images : {&agar_case(), &patient_case()})
+    for (const char* name : {"patient", "phantom", "fast"}) {
+      const RegistrationResult result = registered(*images, nearby(*images), preset(name));
+      ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << name << ": " << result.message;
+      EXPECT_LT(images->error_mm(*result.T_us_ct), kGoodMm) << name;
+    }
+}
+
 TEST(Registration, RecoversCartesianVolume) {
   const UsVolume volume = in_space(agar_phantom().ultrasound, 1.5, {}).volume;
   expect_recovered(case_of(agar_phantom(), volume));
@@ -248,16 +257,20 @@ TEST(Registration, AcquisitionErrorsAreAbsentUnlessAllowed) {
   EXPECT_FALSE(result.measures.sweep_error);
 }
 
-TEST(Registration, ThesisVariantBRuns) {
+TEST(Registration, ThesisVariantBRunsAndIsJudgedLikeEveryPreset) {
   const RegistrationOptions options = parse_registration_options(
       "preset: thesis_b\nsearch: {levels: {0: {optimizer: {max_evaluations: 60}}}}\n", "test");
   const Isometry3d initial = nearby(agar_case());
   const RegistrationResult result = registered(agar_case(), initial, options);
-  ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-  EXPECT_TRUE(result.T_us_ct->matrix().allFinite());
+  ASSERT_FALSE(result.candidates.empty()) << result.message;
+  EXPECT_TRUE(result.candidates.front().T_us_ct.matrix().allFinite());
   EXPECT_GE(result.evaluations, 60);
-  // A similarity of one function for all samples has no parts, and so no scatter.
-  EXPECT_FALSE(result.covariance);
+  // The evidence is that of the preset `patient`, since the thesis' similarity has no parts.
+  EXPECT_TRUE(result.measures.wrong_probability);
+  EXPECT_TRUE(result.covariance);
+  // So few evaluations do not find the pose.
+  EXPECT_GT(agar_case().error_mm(result.candidates.front().T_us_ct), 5.0);
+  EXPECT_EQ(result.status, RegistrationStatus::kLowConfidence) << result.message;
 }
 
 }  // namespace

@@ -1,0 +1,174 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "core/registration/analytic_similarity.h"
+#include "core/registration/symmetric_sweeps.h"
+#include "core/similarity/patch_scenes.h"
+#include "registration/decoys.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using registration::Decoy;
+using registration::mirror_of;
+using registration::MirroredSimilarity;
+
+constexpr Mirror kMirrors[] = {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn};
+
+/// The line and the frame from which a mirrored one takes its place.
+std::pair<int, int> reversed(Mirror mirror, const BeamGrid& beams, int frame, int line) {
+  return {mirror == Mirror::kLines ? frame : beams.frames - 1 - frame,
+          mirror == Mirror::kFrames ? line : beams.lines - 1 - line};
+}
+
+RC_GTEST_PROP(MirrorOf, IsAnInvolutionThatKeepsTheCentre, ()) {
+  const BeamGrid beams = beam_grid(random_motorised());
+  const Vector3d centre = random_pose().translation();
+  for (const Mirror mirror : kMirrors) {
+    const Isometry3d motion = mirror_of(mirror, beams, centre);
+    RC_ASSERT((motion * motion).isApprox(Isometry3d::Identity(), 1e-9));
+    RC_ASSERT((motion * centre - centre).norm() < 1e-9);
+    RC_ASSERT((motion.linear() * motion.linear().transpose()).isIdentity(1e-12));
+    const double determinant = mirror == Mirror::kHalfTurn ? 1.0 : -1.0;
+    RC_ASSERT(std::abs(motion.linear().determinant() - determinant) < 1e-12);
+  }
+}
+
+/// The beams, and the middle of their field, in another US frame.
+struct Sweep {
+  BeamGrid beams;
+  Vector3d centre;
+
+  Sweep(BeamGrid grid, const Isometry3d& motion)
+      : beams(std::move(grid)), centre(motion * middle_of_samples(beams)) {
+    for (Beam& beam : beams.beams)
+      beam = {motion * beam.origin_mm, motion.linear() * beam.direction};
+  }
+};
+
+RC_GTEST_PROP(MirrorOf, PutsEverySampleWhereReversedOrderPutsIt, ()) {
+  const int samples = integer(2, 40), lines = integer(2, 20), frames = integer(2, 20);
+  const Isometry3d motion = random_pose();
+  for (const Sweep& sweep :
+       {Sweep(symmetric_motorised(samples, lines, frames, uniform(0.01, 0.07), uniform(0.01, 0.07)),
+              motion),
+        Sweep(straight_tracked(samples, lines, frames, uniform(0.2, 3.0)), motion)})
+    for (const Mirror mirror : kMirrors) {
+      const Isometry3d T = mirror_of(mirror, sweep.beams, sweep.centre);
+      for (int f = 0; f < frames; ++f)
+        for (int l = 0; l < lines; ++l) {
+          const auto [frame, line] = reversed(mirror, sweep.beams, f, l);
+          for (const int s : {0, samples - 1})
+            RC_ASSERT((T * sweep.beams.point(f, l, s) - sweep.beams.point(frame, line, s)).norm() <
+                      1e-8);
+        }
+    }
+}
+
+/// Ultrasound with its lines, its frames or both in reverse order.
+BeamUltrasound reversed(Mirror mirror, const BeamUltrasound& us) {
+  BeamUltrasound result = us;
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < us.beams.lines; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s) {
+        const auto [frame, line] = reversed(mirror, us.beams, f, l);
+        result.brightness[offset_of(us.beams, s, l, f)] =
+            us.brightness[offset_of(us.beams, s, line, frame)];
+      }
+  return result;
+}
+
+/// The patches are their own mirror image as well: both sizes are multiples of their edge.
+TEST(MirroredSimilarity, IsThatOfTheUltrasoundInReverseOrder) {
+  const BeamUltrasound us = noisy_ultrasound(downward_beams(18, 24, 12));
+  const Volume<float> ct = wavy_ct(oblique_grid({40, 44, 48}, {1.1, 1.0, 0.9}));
+  const Isometry3d T_ct_us(Eigen::Translation3d(2.0, -1.5, 3.0) *
+                           Eigen::AngleAxisd(0.3, Vector3d(1, 1, -2).normalized()));
+  for (SimilarityOptions options : all_metrics()) {
+    patches_of(options) = cubes(6.0);
+    const auto original = similarity_of(us, ct, options);
+    for (const Mirror mirror : kMirrors) {
+      SCOPED_TRACE(std::string(similarity_name(options)) + ", mirror " +
+                   std::to_string(static_cast<int>(mirror)));
+      const MirroredSimilarity mirrored(*original, mirror_of(mirror, us.beams, Vector3d::Zero()));
+      const SimilarityValue expected =
+          value_at(*similarity_of(reversed(mirror, us), ct, options), T_ct_us);
+      const SimilarityValue found = value_at(mirrored, T_ct_us);
+      EXPECT_NEAR(found.value, expected.value, 1e-4 * std::abs(expected.value));
+      EXPECT_NEAR(found.overlap, expected.overlap, 1e-3);
+      // It is another value than the original's, and the parts belong to the same pose.
+      EXPECT_GT(std::abs(found.value - value_at(*original, T_ct_us).value),
+                1e-3 * std::abs(expected.value));
+      double sum = 0.0;
+      for (const double part : mirrored.parts({T_ct_us, {}})) sum += part;
+      EXPECT_NEAR(sum, found.value, 1e-9);
+    }
+  }
+}
+
+/// A search from the identity in the field of `cube_field`, on the same peaks at both levels.
+class Searched {
+ public:
+  explicit Searched(std::vector<Peak> peaks) : peaks_(field_, std::move(peaks)) {
+    options_.starts->count = 64;
+    options_.levels.resize(2);
+    for (LevelOptions& level : options_.levels) {
+      level.optimizer.method = OptimizerMethod::kBobyqa;
+      level.optimizer.max_evaluations = 300;
+      level.optimizer.initial_step = 3.0;
+      level.optimizer.step_tolerance = 0.05;
+      level.optimised = 8;
+      level.kept = 4;
+    }
+  }
+  /// The decoys of a symmetric sweep around the middle of the field.
+  std::vector<Decoy> decoys(const Similarity& similarity) {
+    return registration::search_decoys({{&similarity, &similarity}, options_, initial_, field_, 1},
+                                       beams(), {}, run_);
+  }
+  std::vector<Decoy> decoys() { return decoys(peaks_); }
+  double distance_mm(const Isometry3d& T_a, const Isometry3d& T_b) const {
+    return field_.distance_mm(T_a, T_b);
+  }
+  static BeamGrid beams() { return symmetric_motorised(40, 9, 9, 0.05, 0.05); }
+
+ private:
+  registration::FieldPoints field_ = cube_field();
+  PeaksSimilarity peaks_;
+  SearchOptions options_;
+  Isometry3d initial_ = Isometry3d::Identity();
+  RegistrationHooks hooks_;
+  registration::Run run_{hooks_};
+};
+
+/// A peak where the mirrored ultrasound fits is found by that decoy, and by no other.
+TEST(SearchDecoys, EachFindsThePoseOfItsOwnMirror) {
+  const Isometry3d right(Eigen::Translation3d(6.0, -5.0, 4.0));
+  const Isometry3d elsewhere(Eigen::Translation3d(-7.0, 3.0, 5.0));
+  for (const Mirror mirror : kMirrors) {
+    const Isometry3d motion = mirror_of(mirror, Searched::beams(), cube_field().centre_us_mm());
+    // The ultrasound fits at `right`, and its mirror image at `elsewhere`.
+    Searched searched({{right, 1.0, 6.0}, {motion * elsewhere, 0.7, 6.0}});
+    const std::vector<Decoy> decoys = searched.decoys();
+    ASSERT_EQ(decoys.size(), 3U);
+    for (const Decoy& decoy : decoys) {
+      EXPECT_TRUE(decoy.T_mirror.isApprox(
+          mirror_of(decoy.mirror, Searched::beams(), cube_field().centre_us_mm())));
+      if (decoy.mirror == mirror) {
+        EXPECT_NEAR(decoy.best.value, 0.7, 0.02);
+        EXPECT_LT(searched.distance_mm(decoy.best.T_us_ct, elsewhere), 1.0);
+      } else {
+        EXPECT_LT(decoy.best.value, 0.5);
+      }
+    }
+  }
+}
+
+TEST(SearchDecoys, ThoseWithoutAnyValueAreLeftOut) {
+  EXPECT_TRUE(Searched({}).decoys(NoSimilarity()).empty());
+}
+
+}  // namespace
+}  // namespace usct::test

@@ -1,0 +1,162 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "core/registration/random_points.h"
+#include "core/registration/symmetric_sweeps.h"
+#include "registration/expected_error.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/registration/registration_options.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using registration::HalfPoses;
+using registration::pose_covariance;
+
+const Isometry3d kHere = Isometry3d::Identity();
+const Vector3d kCentre(0.0, 60.0, 0.0);
+
+BeamGrid motorised() { return symmetric_motorised(40, 9, 7, 0.05, 0.05); }
+
+/// No error but that of the halves.
+ErrorOptions halves_alone(double factor = 1.0) {
+  ErrorOptions options;
+  options.parts_factor = factor;
+  options.sound_speed_share = options.lag_frames = options.other_mm = 0.0;
+  return options;
+}
+
+double expected_mm(const std::vector<HalfPoses>& halves, const ErrorOptions& options,
+                   const BeamGrid& beams = motorised(), const Vector3d& at_us_mm = kCentre) {
+  return expected_tre_mm(pose_covariance(halves, beams, kCentre, options), {at_us_mm}).rms_mm;
+}
+
+Isometry3d shifted(const Vector3d& by_mm) { return Isometry3d(Eigen::Translation3d(by_mm)); }
+
+TEST(ExpectedError, IsHalfTheDistanceOfTheHalvesAveragedOverBothWaysToHalve) {
+  const HalfPoses lines{shifted({1, 0, 0}), shifted({-1, 2, 1}), kHere, kHere};  // 3 mm apart
+  const HalfPoses both{lines.left, lines.right, shifted({0, 4, 0}), kHere};      // and 4 mm
+  EXPECT_NEAR(expected_mm({lines}, halves_alone()), 1.5 / std::sqrt(2.0), 1e-9);
+  EXPECT_NEAR(expected_mm({both}, halves_alone()), std::sqrt((1.5 * 1.5 + 2.0 * 2.0) / 2.0), 1e-9);
+  EXPECT_NEAR(expected_mm({both}, halves_alone(3.0)), 3.0 * expected_mm({both}, halves_alone()),
+              1e-9);
+  // Several similarities estimate the same covariance.
+  EXPECT_NEAR(expected_mm({both, both}, halves_alone()), expected_mm({both}, halves_alone()), 1e-9);
+  EXPECT_NEAR(expected_mm({lines, {kHere, kHere, kHere, kHere}}, halves_alone()), 0.75, 1e-9);
+}
+
+/// Halves that differ by a turn about an axis through a point disagree in proportion to the
+/// distance from the axis.
+TEST(ExpectedError, GrowsWithTheDistanceFromTheAxisOfATurn) {
+  constexpr double kTurnRad = 1e-3;
+  const Eigen::Translation3d to_centre(kCentre);
+  const Isometry3d turned(to_centre * Eigen::AngleAxisd(kTurnRad, Vector3d::UnitX()) *
+                          to_centre.inverse());
+  const HalfPoses halves{kHere, turned, kHere, kHere};
+  for (const double distance_mm : {0.0, 10.0, 40.0})
+    EXPECT_NEAR(expected_mm({halves}, halves_alone(), motorised(),
+                            kCentre + distance_mm * Vector3d::UnitZ()),
+                0.5 * kTurnRad * distance_mm / std::sqrt(2.0), 1e-4);
+}
+
+TEST(ExpectedError, OfTheSpeedOfSoundGrowsWithDepthAlongTheBeams) {
+  ErrorOptions options = halves_alone();
+  options.sound_speed_share = 0.02;
+  // The lines start at y = 0, and run along y.
+  const BeamGrid beams = straight_tracked(40, 9, 7, 1.0);
+  const Matrix6d covariance =
+      pose_covariance({{kHere, kHere, kHere, kHere}}, beams, kCentre, options);
+  Matrix6d expected = Matrix6d::Zero();
+  expected(4, 4) = 1.2 * 1.2;  // 0.02 times 60 mm
+  EXPECT_TRUE(covariance.isApprox(expected, 1e-9)) << covariance;
+}
+
+TEST(ExpectedError, OfALagIsAlongATrackedSweepAlone) {
+  ErrorOptions options = halves_alone();
+  options.lag_frames = 1.5;
+  const HalfPoses same{kHere, kHere, kHere, kHere};
+  const Matrix6d covariance =
+      pose_covariance({same}, straight_tracked(40, 9, 7, 2.0), kCentre, options);
+  Matrix6d expected = Matrix6d::Zero();
+  expected(5, 5) = 3.0 * 3.0;  // 1.5 frames of 2 mm, along z
+  EXPECT_TRUE(covariance.isApprox(expected, 1e-9)) << covariance;
+  EXPECT_EQ(expected_mm({same}, options, motorised()), 0.0);
+  EXPECT_EQ(expected_mm({same}, options, straight_tracked(40, 9, 1, 2.0)), 0.0);
+}
+
+TEST(ExpectedError, OfAllElseIsTheSameInEveryDirection) {
+  ErrorOptions options = halves_alone();
+  options.other_mm = 0.6;
+  const HalfPoses same{kHere, kHere, kHere, kHere};
+  const Matrix6d covariance = pose_covariance({same}, motorised(), kCentre, options);
+  Matrix6d expected = Matrix6d::Zero();
+  expected.diagonal().tail<3>().setConstant(0.12);
+  EXPECT_TRUE(covariance.isApprox(expected, 1e-9)) << covariance;
+  EXPECT_NEAR(expected_mm({same}, options), 0.6, 1e-9);
+}
+
+TEST(ExpectedError, AddsIndependentErrorsByTheirSquares) {
+  const HalfPoses halves{shifted({1, 0, 0}), shifted({-1, 2, 1}), kHere, kHere};
+  const BeamGrid beams = straight_tracked(40, 9, 7, 2.0);
+  ErrorOptions all = halves_alone();
+  const double of_halves = expected_mm({halves}, all, beams);
+  all.sound_speed_share = 0.02;
+  all.lag_frames = 1.5;
+  all.other_mm = 0.6;
+  EXPECT_NEAR(expected_mm({halves}, all, beams),
+              std::sqrt(of_halves * of_halves + 1.2 * 1.2 + 3.0 * 3.0 + 0.6 * 0.6), 1e-9);
+}
+
+/// Small motions, for which the covariance is exact, seen from another US frame.
+RC_GTEST_PROP(ExpectedError, FollowsTheUltrasoundFrame, ()) {
+  const auto near = [] {
+    return Isometry3d(shifted(random_vector(1.0)) *
+                      Eigen::AngleAxisd(uniform(0.0, 1e-4), random_direction()));
+  };
+  const HalfPoses here{near(), near(), near(), near()};
+  const Isometry3d motion = random_pose();
+  const HalfPoses there{motion * here.left, motion * here.right, motion * here.first,
+                        motion * here.last};
+  const BeamGrid beams = straight_tracked(40, 9, 7, 2.0);
+  BeamGrid moved = beams;
+  for (Beam& beam : moved.beams) beam = {motion * beam.origin_mm, motion.linear() * beam.direction};
+  ErrorOptions options;
+  options.sound_speed_share = 0.02;
+  const Vector3d target = kCentre + random_vector(30.0);
+  const double error_here =
+      expected_tre_mm(pose_covariance({here}, beams, kCentre, options), {target}).rms_mm;
+  const double error_there =
+      expected_tre_mm(pose_covariance({there}, moved, motion * kCentre, options), {motion * target})
+          .rms_mm;
+  RC_ASSERT(std::abs(error_there - error_here) < 1e-4 * error_here);
+}
+
+RC_GTEST_PROP(ExpectedError, CovarianceIsSymmetricAndHasTheRankOfItsErrors, ()) {
+  const auto near = [] {
+    return Isometry3d(shifted(random_vector(5.0)) *
+                      Eigen::AngleAxisd(uniform(0.0, 0.2), random_direction()));
+  };
+  const HalfPoses halves{near(), near(), near(), near()};
+  const auto rank_of = [&](const ErrorOptions& options) {
+    const Matrix6d covariance = pose_covariance({halves}, motorised(), kCentre, options);
+    RC_ASSERT(covariance == covariance.transpose());
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(covariance);
+    const double greatest = eigen.eigenvalues().maxCoeff();
+    RC_ASSERT(eigen.eigenvalues().minCoeff() > -1e-9 * greatest);
+    return (eigen.eigenvalues().array() > 1e-9 * greatest).count();
+  };
+  RC_ASSERT(rank_of(halves_alone()) <= 2);
+  ErrorOptions with_shifts = halves_alone();
+  with_shifts.other_mm = 1.0;
+  RC_ASSERT(rank_of(with_shifts) <= 5);
+  RC_ASSERT(rank_of(with_shifts) >= 3);
+}
+
+}  // namespace
+}  // namespace usct::test

@@ -1,0 +1,117 @@
+#include <gtest/gtest.h>
+
+#include "core/similarity/patch_scenes.h"
+#include "registration/parts.h"
+#include "us_ct_registration/registration/registration.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using registration::FieldPoints;
+using registration::HalfPoses;
+
+BeamGrid beams() { return downward_beams(24, 32, 28); }
+
+Volume<float> ct() { return wavy_ct(oblique_grid({64, 60, 56}, {1.1, 1.0, 0.9})); }
+
+Isometry3d small_motion(const Vector3d& shift_mm, double turn_rad) {
+  return Isometry3d(Eigen::Translation3d(shift_mm) *
+                    Eigen::AngleAxisd(turn_rad, Vector3d(1, 2, -1).normalized()));
+}
+const Isometry3d kOne = small_motion({1.2, -0.8, 0.9}, 0.03);
+const Isometry3d kOther = small_motion({-1.0, 0.7, -1.1}, -0.02);
+
+/// Ultrasound that shows the CT at a pose of each sample's own.
+template <typename PoseOf>
+BeamUltrasound seen(const PoseOf& T_us_ct_of) {
+  BeamUltrasound us{beams(), {}, {}};
+  const Volume<float> image = ct();
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < us.beams.lines; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s) {
+        const Vector3d p_ct = T_us_ct_of(f, l).inverse() * us.beams.point(f, l, s);
+        us.brightness.push_back(
+            static_cast<float>(sample_at_index(image, image.grid.index_from_physical(p_ct),
+                                               Interpolation::kTrilinear, Outside::edge())));
+      }
+  return us;
+}
+
+FieldPoints field() {
+  std::vector<Vector3d> points;
+  const BeamGrid grid = beams();
+  for (int f = 1; f < grid.frames; f += 5)
+    for (int l = 1; l < grid.lines; l += 5)
+      for (int s = 1; s < grid.samples(); s += 5) points.push_back(grid.point(f, l, s));
+  return FieldPoints(points);
+}
+
+/// The poses of the halves, from the identity, which lies between the poses of the images.
+std::optional<HalfPoses> halves_of(const BeamUltrasound& us) {
+  const SimilarityImages images(std::make_shared<const BeamUltrasound>(us),
+                                pack_ct(ct(), kWindow, kBackgroundHu), nullptr);
+  LocalLc2Options similarity;
+  similarity.patches = cubes(7.0);
+  PartOptions options;
+  options.optimizer.method = OptimizerMethod::kBobyqa;
+  options.optimizer.max_evaluations = 500;
+  options.optimizer.initial_step = 1.0;
+  options.optimizer.step_tolerance = 0.01;
+  options.reach_mm = 10.0;
+  const RegistrationHooks hooks;
+  registration::Run run(hooks);
+  return registration::poses_of_halves(images, similarity, options, {Isometry3d::Identity(), {}},
+                                       field(), run);
+}
+
+constexpr double kFoundMm = 0.1;
+
+TEST(Parts, HalvesOfARigidImageFindItsPose) {
+  const std::optional<HalfPoses> halves = halves_of(seen([](int, int) { return kOne; }));
+  ASSERT_TRUE(halves);
+  for (const Isometry3d& T_us_ct : halves->all())
+    EXPECT_LT(field().distance_mm(T_us_ct, kOne), kFoundMm);
+}
+
+TEST(Parts, HalvesOfLinesThatMovedApartFindTheirOwnPoses) {
+  const std::optional<HalfPoses> halves =
+      halves_of(seen([](int, int line) { return line < 16 ? kOne : kOther; }));
+  ASSERT_TRUE(halves);
+  EXPECT_LT(field().distance_mm(halves->left, kOne), kFoundMm);
+  EXPECT_LT(field().distance_mm(halves->right, kOther), kFoundMm);
+}
+
+TEST(Parts, HalvesOfFramesThatMovedApartFindTheirOwnPoses) {
+  const std::optional<HalfPoses> halves =
+      halves_of(seen([](int frame, int) { return frame < 14 ? kOne : kOther; }));
+  ASSERT_TRUE(halves);
+  EXPECT_LT(field().distance_mm(halves->first, kOne), kFoundMm);
+  EXPECT_LT(field().distance_mm(halves->last, kOther), kFoundMm);
+}
+
+/// Eight lines are unknown, so that the other 24 are halved.
+TEST(Parts, HalvesHaveAsManyKnownSamples) {
+  BeamUltrasound us = seen([](int, int line) { return line < 20 ? kOne : kOther; });
+  us.known.assign(us.brightness.size(), 1);
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < 8; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s) us.known[offset_of(us.beams, s, l, f)] = 0;
+  const std::optional<HalfPoses> halves = halves_of(us);
+  ASSERT_TRUE(halves);
+  EXPECT_LT(field().distance_mm(halves->left, kOne), kFoundMm);
+  EXPECT_LT(field().distance_mm(halves->right, kOther), kFoundMm);
+}
+
+TEST(Parts, AHalfWithoutStructureSaysNothing) {
+  BeamUltrasound us = seen([](int, int) { return kOne; });
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < 16; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s)
+        us.brightness[offset_of(us.beams, s, l, f)] = 80.0F;
+  EXPECT_FALSE(halves_of(us));
+}
+
+}  // namespace
+}  // namespace usct::test

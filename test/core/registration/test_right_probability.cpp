@@ -1,0 +1,131 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <limits>
+#include <vector>
+
+#include "core/geometry/random_geometry.h"
+#include "us_ct_registration/registration/gates.h"
+
+namespace usct::test {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// A measure that counts as evidence, and whether more of it speaks for the pose.
+struct Evidence {
+  std::optional<double> Measures::*value;
+  bool more_is_better;
+  double least, most;
+};
+const std::vector<Evidence>& evidence() {
+  static const std::vector<Evidence> all = {
+      {&Measures::displacement_mm, false, 0.0, 120.0}, {&Measures::mirror_ratio, true, 0.1, 5.0},
+      {&Measures::mirror_advantage, true, -9.0, 9.0},  {&Measures::chance_ratio, true, 0.1, 5.0},
+      {&Measures::rival_ratio, true, 0.1, 5.0},        {&Measures::parts_mm, false, 0.01, 40.0},
+      {&Measures::ridge_parts_mm, false, 0.01, 40.0},
+  };
+  return all;
+}
+
+Measures any_measures() {
+  Measures measures;
+  for (const Evidence& e : evidence()) measures.*e.value = uniform(e.least, e.most);
+  return measures;
+}
+
+RC_GTEST_PROP(RightProbability, IsTheProductOfThreeProbabilities, ()) {
+  const RightProbability right = right_probability(any_measures()).value();
+  for (const double each : {right.mirrors, right.chance, right.parts, right.all()})
+    RC_ASSERT(each >= 0.0 && each <= 1.0);
+  RC_ASSERT(right.all() == right.mirrors * right.chance * right.parts);
+}
+
+RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
+  const Measures measures = any_measures();
+  const RightProbability before = right_probability(measures).value();
+  for (const Evidence& e : evidence()) {
+    Measures better = measures;
+    double& value = *(better.*e.value);
+    value = e.more_is_better ? uniform(value, e.most) : uniform(e.least, value);
+    const RightProbability after = right_probability(better).value();
+    RC_ASSERT(after.mirrors >= before.mirrors);
+    RC_ASSERT(after.chance >= before.chance);
+    RC_ASSERT(after.parts >= before.parts);
+  }
+}
+
+/// Measures between good and bad, where each of them matters.
+Measures middling() {
+  Measures measures;
+  measures.displacement_mm = 50.0;
+  measures.mirror_ratio = measures.chance_ratio = measures.rival_ratio = 1.4;
+  measures.mirror_advantage = 1.0;
+  measures.parts_mm = measures.ridge_parts_mm = 2.0;
+  return measures;
+}
+
+TEST(RightProbability, EveryMeasureCounts) {
+  const double before = right_probability(middling())->all();
+  for (const Evidence& e : evidence()) {
+    Measures better = middling();
+    *(better.*e.value) *= e.more_is_better ? 1.1 : 0.9;
+    EXPECT_GT(right_probability(better)->all(), before);
+  }
+}
+
+TEST(RightProbability, NothingFollowsFromEvidenceThatIsAbsentOrNoNumber) {
+  ASSERT_TRUE(right_probability(middling()));
+  for (const Evidence& e : evidence())
+    for (const std::optional<double>& value : {std::optional<double>(), std::optional(kNan)}) {
+      Measures measures = middling();
+      measures.*e.value = value;
+      EXPECT_FALSE(right_probability(measures));
+    }
+  EXPECT_FALSE(right_probability({}));
+}
+
+TEST(RightProbability, OtherMeasuresAreNoEvidence) {
+  Measures measures = middling();
+  const double before = right_probability(measures)->all();
+  measures.overlap = 0.0;
+  measures.disagreement_mm = 30.0;
+  measures.depth_error = 0.1;
+  measures.expected_error_mm = kNan;
+  EXPECT_EQ(right_probability(measures)->all(), before);
+}
+
+/// Strong evidence of one kind does not make up for weak evidence of another.
+TEST(RightProbability, IsLimitedByTheWeakestKind) {
+  Measures strong = middling();
+  strong.mirror_ratio = strong.chance_ratio = strong.rival_ratio = 5.0;
+  strong.mirror_advantage = 9.0;
+  strong.parts_mm = strong.ridge_parts_mm = 0.1;
+  strong.displacement_mm = 0.0;
+  EXPECT_GT(right_probability(strong)->all(), 0.9);
+  Measures mirrored = strong;
+  mirrored.mirror_ratio = 0.8;
+  mirrored.mirror_advantage = -3.0;
+  Measures by_chance = strong;
+  by_chance.chance_ratio = by_chance.rival_ratio = 1.0;
+  Measures torn = strong;
+  torn.parts_mm = torn.ridge_parts_mm = 10.0;
+  for (const Measures& weak : {mirrored, by_chance, torn})
+    EXPECT_LT(right_probability(weak)->all(), 0.1);
+}
+
+/// Distance counts only where the other evidence is not strong.
+TEST(RightProbability, AFarPoseNeedsStrongerEvidence) {
+  Measures measures = middling();
+  measures.displacement_mm = 10.0;
+  const double near = right_probability(measures)->all();
+  measures.displacement_mm = 80.0;
+  EXPECT_LT(right_probability(measures)->all(), 0.5 * near);
+  measures.mirror_ratio = measures.chance_ratio = measures.rival_ratio = 3.0;
+  measures.mirror_advantage = 6.0;
+  measures.parts_mm = measures.ridge_parts_mm = 0.5;
+  EXPECT_GT(right_probability(measures)->all(), 0.9);
+}
+
+}  // namespace
+}  // namespace usct::test

@@ -1,0 +1,162 @@
+#include <gtest/gtest.h>
+
+#include "registration/verdict.h"
+
+namespace usct::test {
+namespace {
+
+using registration::Assessment;
+using registration::Candidate;
+using registration::may_be_missed;
+using registration::Refusal;
+using registration::result_of;
+
+/// Evidence that speaks for the pose in every way.
+Assessment strong() {
+  Assessment assessment;
+  Measures& m = assessment.measures;
+  m.overlap = 0.9;
+  m.displacement_mm = 5.0;
+  m.disagreement_mm = 0.5;
+  m.mirror_ratio = m.chance_ratio = m.rival_ratio = 2.0;
+  m.mirror_advantage = 5.0;
+  m.parts_mm = m.ridge_parts_mm = 0.5;
+  assessment.best_mirror = Mirror::kLines;
+  return assessment;
+}
+
+Assessment mirrored(Mirror mirror, double ratio, double advantage) {
+  Assessment assessment = strong();
+  assessment.best_mirror = mirror;
+  assessment.measures.mirror_ratio = ratio;
+  assessment.measures.mirror_advantage = advantage;
+  return assessment;
+}
+
+Assessment by_chance(double chance_ratio, double rival_ratio) {
+  Assessment assessment = strong();
+  assessment.measures.chance_ratio = chance_ratio;
+  assessment.measures.rival_ratio = rival_ratio;
+  return assessment;
+}
+
+Assessment torn() {
+  Assessment assessment = strong();
+  assessment.measures.parts_mm = 7.0;
+  assessment.measures.ridge_parts_mm = 9.0;
+  return assessment;
+}
+
+std::vector<Candidate> two_optima() {
+  std::vector<Candidate> optima(2);
+  optima[0].value = 0.4;
+  optima[0].overlap = 0.9;
+  optima[1].value = 0.3;
+  optima[1].T_us_ct.translation().x() = 30.0;
+  return optima;
+}
+
+Candidate refined() {
+  Candidate pose;
+  pose.T_us_ct.translation().y() = 0.5;
+  pose.overlap = 0.8;
+  return pose;
+}
+
+/// The result of a pose that fails the gate of the evidence.
+RegistrationResult refused(const Assessment& assessment) {
+  return result_of(two_optima(), refined(), assessment, GateFailure{false, "the reason"});
+}
+
+void expect_named(const Assessment& assessment, const std::vector<std::string>& named) {
+  const RegistrationResult result = refused(assessment);
+  EXPECT_EQ(result.status, RegistrationStatus::kLowConfidence);
+  EXPECT_FALSE(result.T_us_ct);
+  EXPECT_EQ(result.message.find("the reason"), 0U) << result.message;
+  for (const std::string& part : named)
+    EXPECT_NE(result.message.find(part), std::string::npos) << part << "\n" << result.message;
+}
+
+TEST(Verdict, AMirroredUltrasoundThatFitsBetterIsNamed) {
+  expect_named(mirrored(Mirror::kLines, 0.8, -2.0),
+               {"better with its lines in reverse order", "1.2 times", "file"});
+  expect_named(mirrored(Mirror::kFrames, 0.8, -2.0), {"better with its frames in reverse order"});
+  expect_named(mirrored(Mirror::kHalfTurn, 0.8, -2.0),
+               {"better with the probe turned by half a turn"});
+}
+
+/// Without an advantage in most of the field the mirrored ultrasound is not said to be right.
+TEST(Verdict, AnAnatomyThatIsNearlySymmetricIsNotCalledMirrored) {
+  for (const Assessment& assessment :
+       {mirrored(Mirror::kFrames, 1.02, -2.0), mirrored(Mirror::kFrames, 0.95, 0.2)})
+    expect_named(assessment, {"almost as well with its frames in reverse order", "symmetric"});
+}
+
+TEST(Verdict, ARivalIsToldFromChance) {
+  expect_named(by_chance(1.5, 1.02), {"a pose elsewhere", "1 times", "initial pose"});
+  expect_named(by_chance(1.05, 1.05), {"chance", "1.1 times", "another patient"});
+}
+
+TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
+  expect_named(torn(), {"parts of the ultrasound", "7 and 9 mm"});
+}
+
+TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
+  Assessment assessment = torn();
+  assessment.measures.mirror_ratio = 0.7;
+  assessment.measures.mirror_advantage = -9.0;
+  expect_named(assessment, {"lines in reverse order"});
+}
+
+TEST(Verdict, WithoutEvidenceItSaysSo) {
+  expect_named({}, {"no evidence"});
+  Assessment assessment = strong();
+  assessment.measures.parts_mm.reset();
+  expect_named(assessment, {"no evidence"});
+}
+
+TEST(Verdict, TooLittleOverlapNeedsNoFurtherReason) {
+  const RegistrationResult result =
+      result_of(two_optima(), refined(), torn(), GateFailure{true, "the reason"});
+  EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
+  EXPECT_EQ(result.message, "the reason");
+}
+
+/// The pose that was judged comes first, accepted or not, and only an accepted one is a transform.
+TEST(Verdict, ResultsListThePoseThatWasJudgedAndTheOtherOptima) {
+  const std::vector<Candidate> optima = two_optima();
+  const RegistrationResult accepted = result_of(optima, refined(), strong(), std::nullopt);
+  EXPECT_EQ(accepted.status, RegistrationStatus::kRegistered);
+  ASSERT_TRUE(accepted.T_us_ct);
+  EXPECT_EQ(accepted.T_us_ct->matrix(), refined().T_us_ct.matrix());
+  for (const RegistrationResult& result : {accepted, refused(torn())}) {
+    EXPECT_EQ(result.similarity, 0.4);
+    EXPECT_EQ(result.overlap, 0.8);
+    ASSERT_EQ(result.candidates.size(), 2U);
+    EXPECT_EQ(result.candidates[0].T_us_ct.matrix(), refined().T_us_ct.matrix());
+    EXPECT_EQ(result.candidates[0].similarity, 0.4);
+    EXPECT_EQ(result.candidates[1].T_us_ct.matrix(), optima[1].T_us_ct.matrix());
+    EXPECT_EQ(result.candidates[1].similarity, 0.3);
+  }
+}
+
+TEST(Verdict, AStepThatCannotGoOnGivesItsStatusAndMessage) {
+  const RegistrationResult result =
+      result_of(Refusal{RegistrationStatus::kNoOverlap, "the CT is elsewhere"});
+  EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
+  EXPECT_EQ(result.message, "the CT is elsewhere");
+  EXPECT_FALSE(result.T_us_ct);
+}
+
+/// Another round is of use only where nothing better than chance was found.
+TEST(MayBeMissed, WhereNothingIsBetterThanChance) {
+  EXPECT_FALSE(may_be_missed(strong()));
+  EXPECT_FALSE(may_be_missed(mirrored(Mirror::kLines, 0.7, -5.0)));
+  EXPECT_FALSE(may_be_missed(torn()));
+  EXPECT_TRUE(may_be_missed(by_chance(1.0, 1.0)));
+  EXPECT_TRUE(may_be_missed(by_chance(1.3, 1.0)));
+  EXPECT_TRUE(may_be_missed({}));
+}
+
+}  // namespace
+}  // namespace usct::test
