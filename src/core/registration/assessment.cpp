@@ -107,7 +107,8 @@ void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& be
                                    Assessment& result, Run& run) {
   const ConfidenceOptions& confidence = options_.confidence;
   if (!decoys_)
-    decoys_ = search_decoys(on.problem, on.images.prepared.us->beams, confidence.decoys, run);
+    decoys_ = search_decoys(on.problem, best.T_us_ct, on.images.prepared.us->beams,
+                            confidence.decoys, run);
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);

@@ -45,7 +45,8 @@ void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count
   original_.evaluate(moved.data(), count, values, check);
 }
 
-std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& beams,
+std::vector<Decoy> search_decoys(const SearchProblem& problem,
+                                 const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, Run& run) {
   const SearchOptions search = decoy_search(problem.options, options);
   const Vector3d centre = problem.field.centre_us_mm();
@@ -59,9 +60,9 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& b
       mirrored.emplace_back(*similarity, motion);
       similarities.push_back(&mirrored.back());
     }
-    // The initial pose was given for the ultrasound, so that decoys climb from starts alone.
+    // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
     const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
-                              problem.field, problem.seed, false};
+                              problem.field, problem.seed, T_us_ct_found};
     const std::vector<Candidate> optima = multi_start(decoy, 0, {}, run);
     if (!optima.empty()) decoys.push_back({mirror, motion, optima.front()});
   }

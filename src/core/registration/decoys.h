@@ -49,9 +49,10 @@ struct Decoy {
   Candidate best;
 };
 
-/// Searches for the decoys as `problem` searches for the ultrasound. Decoys without any value are
-/// left out.
-std::vector<Decoy> search_decoys(const SearchProblem& problem, const BeamGrid& beams,
+/// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
+/// was found for it too. Decoys without any value are left out.
+std::vector<Decoy> search_decoys(const SearchProblem& problem,
+                                 const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, Run& run);
 
 }  // namespace usct::registration

@@ -56,11 +56,11 @@ std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at,
   const std::size_t breadth = breadth_of(problem, at, round);
   evaluate(similarity, candidates, run);
   sort_best_first(candidates, breadth * static_cast<std::size_t>(optimised));
-  // The initial pose was given on purpose: the first round climbs from it at every level.
-  if (at > 0 && round == 0 && problem.climbs_from_initial) {
-    std::vector<Candidate> initial{{problem.T_us_ct_initial, {}}};
-    evaluate(similarity, initial, run);
-    candidates.push_back(initial.front());
+  const bool is_start = at == 0 && problem.T_us_ct_given.isApprox(problem.T_us_ct_initial, 0.0);
+  if (round == 0 && !is_start) {
+    std::vector<Candidate> given{{problem.T_us_ct_given, {}}};
+    evaluate(similarity, given, run);
+    candidates.push_back(given.front());
   }
   climb(similarity, {level.optimizer, level.reach_mm, {}, problem.seed}, problem.field, candidates,
         run);

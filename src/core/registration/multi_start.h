@@ -15,8 +15,8 @@ struct SearchProblem {
   const Eigen::Isometry3d& T_us_ct_initial;
   const FieldPoints& field;
   std::uint32_t seed;
-  /// Whether the first round climbs from the initial pose at every level.
-  bool climbs_from_initial = true;
+  /// A pose from which the first round climbs at every level, whatever its rank there.
+  Eigen::Isometry3d T_us_ct_given = T_us_ct_initial;
 };
 
 /// One round of the search; `round` counts from 0. Returns the optima of the deciding level
