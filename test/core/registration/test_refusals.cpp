@@ -97,9 +97,9 @@ TEST(Refusals, MirroredUltrasoundIsNamed) {
     const RegistrationCase across_frames = reordered(
         *images, [&](int f, int l, int s) { return Eigen::Vector3i(frames - 1 - f, l, s); });
     for (const double sign : {1.0, -1.0}) {
-      expect_refused(registered(across_lines, nearby(across_lines, sign)),
+      expect_refused(registered(across_lines, nearby(across_lines, sign), preset("patient")),
                      RegistrationStatus::kLowConfidence, "better with its lines in reverse order");
-      expect_refused(registered(across_frames, nearby(across_frames, sign)),
+      expect_refused(registered(across_frames, nearby(across_frames, sign), preset("patient")),
                      RegistrationStatus::kLowConfidence, "better with its frames in reverse order");
     }
   }
