@@ -41,17 +41,16 @@ struct LevelOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// A search whose best optimum does not pass the gates goes on in further rounds.
+/// A search whose best optimum is refused and no better than chance goes on in further rounds.
 struct RoundOptions {
   /// Greatest number of rounds; [1, 6].
-  int most = 3;
+  int most = 2;
   /// Round r, counted from 0, has growth^r times the starts of the first; [1, 16].
   int growth = 4;
   /// From the second round on, the levels optimise and keep breadth * growth^r times as many optima
-  /// as in the first, the deciding level deciding_breadth * growth^r times: an optimum that the
-  /// first round missed has hundreds of equals at the coarse levels; [1, 64].
-  int breadth = 8;
-  int deciding_breadth = 4;
+  /// as in the first, the deciding level deciding_breadth * growth^r times; [1, 64].
+  int breadth = 1;
+  int deciding_breadth = 1;
   /// Every other round (the second, the fourth...) spreads its starts over this share of the region
   /// and climbs straight at the deciding level: an optimum that only that level shows has a narrow
   /// peak, which is found if starts are dense; (0, 1].
@@ -110,7 +109,7 @@ constexpr auto words_of(EvidenceSource) {
 /// level only: the height of the best optimum is needed, and not its exact place.
 struct DecoyOptions {
   /// Number of candidates that are optimised at the deciding level, if the search has more; >= 1.
-  int optimised = 3;
+  int optimised = 2;
   /// Factor on the step tolerance of that level's optimizer; >= 1.
   double tolerance_factor = 4.0;
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "us_ct_registration/geometry/angles.h"
+
 namespace usct::registration {
 namespace {
 
@@ -22,6 +24,11 @@ SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& opti
   LevelOptions& deciding = decoy.levels.back();
   deciding.optimised = std::min(deciding.optimised, options.optimised);
   return decoy;
+}
+
+/// Where the starts turn this far, a half turn is a pose like others and no decoy.
+bool reaches_half_turn(const SearchOptions& search) {
+  return search.starts && search.starts->rotation_rad > 0.5 * kPi;
 }
 
 }  // namespace
@@ -52,6 +59,7 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
   const Vector3d centre = problem.field.centre_us_mm();
   std::vector<Decoy> decoys;
   for (const auto& [mirror, name] : words_of(Mirror{})) {
+    if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
     const Isometry3d motion = mirror_of(mirror, beams, centre);
     std::vector<MirroredSimilarity> mirrored;
     mirrored.reserve(problem.similarities.size());

@@ -28,12 +28,12 @@ std::optional<RightProbability> right_probability(const Measures& m) {
     if (!value || std::isnan(*value)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   RightProbability right;
-  right.mirrors = logistic(-0.5 + 6.5 * log_within(*m.mirror_ratio, 0.7, 2.5) +
-                           1.7 * std::clamp(*m.mirror_advantage, -3.0, 6.0));
-  right.chance = logistic(-4.5 + 7.7 * log_within(*m.chance_ratio, 0.7, 2.5) +
-                          6.2 * log_within(*m.rival_ratio, 0.7, 3.0) - far);
-  right.parts = logistic(6.5 - 4.0 * log_within(*m.parts_mm, 0.5, 6.0) -
-                         3.0 * log_within(*m.ridge_parts_mm, 0.8, 8.0));
+  right.mirrors = logistic(-2.3 + 4.9 * log_within(*m.mirror_ratio, 0.7, 2.5) +
+                           2.0 * std::clamp(*m.mirror_advantage, -3.0, 6.0));
+  right.chance = logistic(-1.8 + 2.8 * log_within(*m.chance_ratio, 0.7, 2.5) +
+                          6.6 * log_within(*m.rival_ratio, 0.7, 3.0) - far);
+  right.parts = logistic(7.4 - 1.9 * log_within(*m.parts_mm, 0.5, 6.0) -
+                         0.8 * log_within(*m.ridge_parts_mm, 0.8, 8.0));
   return right;
 }
 
