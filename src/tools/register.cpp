@@ -10,6 +10,7 @@
 
 #include "beam_options.h"
 #include "commands.h"
+#include "confidence_text.h"
 #include "exit_status.h"
 #include "initial_pose.h"
 #include "inputs.h"
@@ -227,6 +228,7 @@ void print_summary(const RegisterCommand& command, const Case& c,
     std::printf("%s: %.1f mm and %.1f degrees from the initial pose\n",
                 is_registered(result) ? "found" : "best pose, refused", moved.mm, moved.degrees);
   }
+  std::fputs(confidence_text(result).c_str(), stdout);
   if (!c.targets_us_mm.empty()) print_expected_errors(result, c.targets_us_mm);
   print_candidates(result, middle_us_mm);
   print_acquisition_errors(result.measures);

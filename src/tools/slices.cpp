@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <numeric>
+#include <optional>
 
 #include "commands.h"
 #include "exit_status.h"
@@ -11,7 +12,9 @@
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/rendering/result_marks.h"
 
 namespace usct::tools {
 namespace {
@@ -21,6 +24,7 @@ struct SlicesOptions {
   UltrasoundOptions ultrasound;
   std::string ct;
   std::string transform;
+  std::string result;
   std::string output;
   std::vector<double> at_mm;
   std::string points;
@@ -57,22 +61,43 @@ std::vector<Picture> row(const ScanConverted& us, const CtVolume& ct,
   return pictures;
 }
 
+/// The pose to draw, and the result that it is of, if there is one.
+struct Pose {
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  std::optional<RegistrationResult> result;
+};
+
+Pose pose_of(const SlicesOptions& options) {
+  if (!options.transform.empty()) return {read_T_us_ct(options.transform), std::nullopt};
+  if (options.result.empty()) return {};
+  const RegistrationResult result = read_result(options.result);
+  const std::optional<Eigen::Isometry3d> T_us_ct = drawn_pose(result);
+  if (!T_us_ct)
+    throw InputError("--result",
+                     "'" + options.result +
+                         "' has neither a transform nor a candidate to draw: " + result.message);
+  return {*T_us_ct, result};
+}
+
 int run_slices(const SlicesOptions& options) {
+  const Pose pose = pose_of(options);
   const ScanConverted us = in_space(
       read_ultrasound_with_warnings(options.ultrasound.source(options.us)), options.pixel_mm,
       options.ultrasound.compounding(), progress_bar("scan conversion", options.quiet));
   const CtVolume ct = read_ct_with_warnings(options.ct);
-  const Eigen::Isometry3d T_us_ct =
-      options.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(options.transform);
   std::vector<Eigen::Vector3d> points_us_mm;
   if (!options.points.empty()) points_us_mm = read_points_mm(options.points);
 
   std::vector<std::vector<Picture>> rows;
   for (const SlicePlane& plane : orthogonal_planes(
-           us.volume.grid, centre(options, us.volume.grid, points_us_mm), options.pixel_mm))
-    rows.push_back(
-        row(us, ct, T_us_ct, {options.window_hu[0], options.window_hu[1]}, plane, points_us_mm));
-  write_png(tile(rows), options.output);
+           us.volume.grid, centre(options, us.volume.grid, points_us_mm), options.pixel_mm)) {
+    rows.push_back(row(us, ct, pose.T_us_ct, {options.window_hu[0], options.window_hu[1]}, plane,
+                       points_us_mm));
+    if (pose.result) mark_if_refused(rows.back(), *pose.result);
+  }
+  Picture sheet = tile(rows);
+  if (pose.result) sheet = tile({{result_header(*pose.result, sheet.width)}, {sheet}});
+  write_png(sheet, options.output);
   std::printf("%s\n", options.output.c_str());
   return kDone;
 }
@@ -90,8 +115,14 @@ void add_slices_command(CLI::App& app, Run& run) {
       ->required();
   command->add_option("--ct", options->ct, "DICOM folder or file, NRRD, MetaImage or NIfTI")
       ->required();
-  command->add_option("--transform", options->transform,
-                      "ITK transform from US to CT points, mm, LPS (identity if not given)");
+  CLI::Option* transform =
+      command->add_option("--transform", options->transform,
+                          "ITK transform from US to CT points, mm, LPS (identity if not given)");
+  command
+      ->add_option("--result", options->result,
+                   "result of a registration, .json, in place of a transform; that of a refused "
+                   "one is drawn at its best candidate and marked as refused")
+      ->excludes(transform);
   command->add_option("--output", options->output, "picture to write, .png")->required();
   CLI::Option* at = command->add_option("--at", options->at_mm,
                                         "point of the US frame that the planes meet in, mm");

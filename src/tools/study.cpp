@@ -34,6 +34,7 @@ struct StudyCommand {
   int threads = omp_get_max_threads();
   bool one_after_other = false;
   bool thesis_table = false;
+  bool unjudged = false;
   std::string output;
   std::string pictures;
   bool quiet = false;
@@ -85,6 +86,7 @@ std::vector<double> bin_edges_mm(const StudyOptions& study, const std::vector<Tr
 RegistrationOptions options_of(const StudyCommand& command) {
   RegistrationOptions options =
       command.options.empty() ? preset(command.preset) : read_registration_options(command.options);
+  if (command.unjudged) options.confidence.gates = GateLimits::none();
   options.validate();
   return options;
 }
@@ -126,7 +128,8 @@ std::map<std::string, std::string> description(const StudyCommand& command) {
       {"kinds", joined(kinds)},
       {"strangers", joined(command.strangers)},
       {"parallel_beams_mm", as_text(command.parallel_beams_mm)},
-      {"one_after_other", command.one_after_other ? "true" : "false"}};
+      {"one_after_other", command.one_after_other ? "true" : "false"},
+      {"unjudged", command.unjudged ? "true" : "false"}};
   if (command.study.box) {
     study["box_mm"] = as_text(command.study.box->translation_mm);
     study["box_deg"] = as_text(command.study.box->rotation_rad / kDegree);
@@ -247,6 +250,9 @@ void add_study_command(CLI::App& app, Run& run) {
       ->check(CLI::PositiveNumber);
   sub->add_flag("--time", command->one_after_other,
                 "one registration after the other, each on all threads, for seconds that count");
+  sub->add_flag("--unjudged", command->unjudged,
+                "poses without a judgement: no gate refuses any, and no evidence is gathered. For "
+                "methods that had none, as the thesis'; never for what a patient is treated by");
   sub->add_flag("--thesis-table", command->thesis_table,
                 "a table per case, as tables 5.1 and 5.2 of the thesis");
   sub->add_option("--output", command->output,

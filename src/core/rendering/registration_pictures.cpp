@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "rendering/registration_panels.h"
 #include "require.h"
 #include "us_ct_registration/geometry/rigid.h"
+#include "us_ct_registration/rendering/result_marks.h"
 
 namespace usct {
 namespace {
@@ -15,25 +15,15 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using rendering::Panels;
 
-const Picture::Colour kRefusedColour(225, 0, 0);
-const Picture::Colour kHeaderColour(30, 30, 30);
 constexpr int kMarginPx = 6;
-constexpr int kLinePx = 24;
+constexpr int kLegendPx = 24;
 constexpr int kCaptionPx = 16;
-constexpr int kFrameWidthPx = 3;
 constexpr int kParallelSlices = 5;
 /// Parallel slices leave out the ends of the field, where there is little to compare.
 constexpr double kFirstSlice = 0.2;
 
-/// The transform of a registration, or its best candidate if it was refused.
-std::optional<Isometry3d> pose_after(const RegistrationResult& result) {
-  if (result.T_us_ct) return result.T_us_ct;
-  if (!result.candidates.empty()) return result.candidates.front().T_us_ct;
-  return std::nullopt;
-}
-
 Isometry3d required_pose(const RegistrationResult& result) {
-  const std::optional<Isometry3d> T_us_ct = pose_after(result);
+  const std::optional<Isometry3d> T_us_ct = drawn_pose(result);
   if (!T_us_ct) throw InputError("result", "has neither a transform nor a candidate to draw");
   return *T_us_ct;
 }
@@ -46,55 +36,18 @@ void caption(Picture& picture, const std::string& text) {
   draw_text(picture, text, kMarginPx, kCaptionPx);
 }
 
-void fill(Picture& picture, int left, int top, int width, int height,
-          const Picture::Colour& colour) {
-  for (int y = top; y < top + height; ++y)
-    for (int x = left; x < left + width; ++x) std::copy_n(colour.data(), 3, picture.pixel(x, y));
-}
-
-/// A red frame around each panel of a pose that was refused.
-void mark_if_refused(Row& row, const RegistrationResult& result) {
-  if (!is_refused(result)) return;
-  for (Picture& picture : row) {
-    const int px = std::min({kFrameWidthPx, picture.width, picture.height});
-    fill(picture, 0, 0, picture.width, px, kRefusedColour);
-    fill(picture, 0, picture.height - px, picture.width, px, kRefusedColour);
-    fill(picture, 0, 0, px, picture.height, kRefusedColour);
-    fill(picture, picture.width - px, 0, px, picture.height, kRefusedColour);
-    draw_text(picture, "REFUSED", kMarginPx, picture.height - 2 * kMarginPx, kRefusedColour);
-  }
-}
-
-std::string headline(const RegistrationResult& result) {
-  std::ostringstream text;
-  text.precision(3);
-  if (is_refused(result))
-    text << "REFUSED (" << status_name(result.status) << "), "
-         << (result.candidates.empty() ? "no candidate to draw"
-                                       : "drawn: the best candidate, NOT a registration");
-  else
-    text << "registered";
-  if (std::isfinite(result.similarity)) text << ", similarity " << result.similarity;
-  if (std::isfinite(result.overlap)) text << ", overlap " << result.overlap;
-  text << ". " << result.message;
-  return text.str();
-}
-
 /// The panels below a header with the result in words and the legend.
 Picture sheet(const std::vector<Row>& rows, const Panels& panels,
               const RegistrationResult& result) {
   const Picture body = tile(rows);
-  Picture header(body.width, 2 * kLinePx);
-  fill(header, 0, 0, header.width, kLinePx, is_refused(result) ? kRefusedColour : kHeaderColour);
-  fill(header, 0, kLinePx, header.width, kLinePx, kHeaderColour);
-  draw_text(header, headline(result), kMarginPx, kLinePx - kMarginPx);
-  panels.draw_legend(header, kMarginPx, 2 * kLinePx - kMarginPx);
-  return tile({{header}, {body}});
+  Picture legend(body.width, kLegendPx);
+  panels.draw_legend(legend, kMarginPx, kLegendPx - kMarginPx);
+  return tile({{result_header(result, body.width)}, {legend}, {body}});
 }
 
 Picture before_after_sheet(const Panels& panels, const Isometry3d& T_us_ct_before,
                            const RegistrationResult& result) {
-  const std::optional<Isometry3d> T_us_ct_after = pose_after(result);
+  const std::optional<Isometry3d> T_us_ct_after = drawn_pose(result);
   std::vector<Row> rows(T_us_ct_after ? 3 : 2);
   for (const SlicePlane& plane : panels.planes()) {
     rows[0].push_back(panels.ultrasound(plane));
@@ -177,7 +130,7 @@ Eigen::Matrix3d picture_axes(const Ultrasound& ultrasound) {
 Picture picture_registration(const ScanConverted& us, const CtVolume& ct,
                              const Isometry3d& T_us_ct_before, const RegistrationResult& result,
                              const RegistrationPictureOptions& options) {
-  const Panels panels(us, ct, pose_after(result).value_or(T_us_ct_before), options);
+  const Panels panels(us, ct, drawn_pose(result).value_or(T_us_ct_before), options);
   return before_after_sheet(panels, T_us_ct_before, result);
 }
 
@@ -199,7 +152,7 @@ std::vector<std::filesystem::path> write_registration_pictures(
     const ScanConverted& us, const CtVolume& ct, const Isometry3d& T_us_ct_before,
     const RegistrationResult& result, const std::filesystem::path& folder,
     const RegistrationPictureOptions& options) {
-  const std::optional<Isometry3d> T_us_ct_after = pose_after(result);
+  const std::optional<Isometry3d> T_us_ct_after = drawn_pose(result);
   const Panels panels(us, ct, T_us_ct_after.value_or(T_us_ct_before), options);
   std::error_code failure;
   std::filesystem::create_directories(folder, failure);

@@ -36,11 +36,12 @@ std::vector<msg::Measure> to_messages(const std::map<std::string, double>& numbe
   return messages;
 }
 
-void fill_measures(const RegistrationResult& result, msg::RegistrationResult& message) {
-  message.measures = to_messages(by_name(result.measures));
-  message.expected_error = std::numeric_limits<double>::quiet_NaN();
-  if (result.measures.expected_error_mm)
-    message.expected_error = *result.measures.expected_error_mm / kMmPerM;
+void fill_measures(const Measures& measures, msg::RegistrationResult& message) {
+  constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
+  message.measures = to_messages(by_name(measures));
+  message.wrong_probability = measures.wrong_probability.value_or(kNotKnown);
+  message.expected_error = measures.expected_error_mm.value_or(kNotKnown) / kMmPerM;
+  message.error_bound = measures.error_bound_mm.value_or(kNotKnown) / kMmPerM;
 }
 
 /// Converts from (rotation, translation) in rad and mm to (translation, rotation) in m and rad.
@@ -70,7 +71,7 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
     one.overlap = candidate.overlap;
     message.candidates.push_back(one);
   }
-  fill_measures(result, message);
+  fill_measures(result.measures, message);
   message.durations = to_messages(result.seconds);
   message.evaluations = static_cast<std::uint32_t>(result.evaluations);
   message.version = result.version;

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 constexpr int kFieldMm = 61;
 constexpr double kPixelMm = 0.5;
 constexpr int kPanelPx = 121;  // from the first voxel of the field to its last
-constexpr int kHeaderPx = 48;
+constexpr int kHeaderPx = 52;  // a line of text and the legend
 constexpr int kGapPx = 4;
 constexpr double kRadiusMm = 12.0;
 
@@ -56,7 +56,7 @@ RegistrationPictureOptions green_line() {
 bool is_green(const std::uint8_t* pixel) { return pixel[1] > pixel[0] + 60; }
 bool is_red(const std::uint8_t* pixel) { return pixel[0] > pixel[1] + 120; }
 
-/// A panel of a sheet whose panels are all equally large.
+/// A panel of a sheet with three rows of panels, which are all equally large.
 struct Panel {
   int row;
   int column;
@@ -66,7 +66,7 @@ struct Panel {
 template <typename Test>
 std::vector<Eigen::Vector2d> positions_mm(const Picture& sheet, Panel panel, const Test& test) {
   const int left = panel.column * (kPanelPx + kGapPx);
-  const int top = kHeaderPx + kGapPx + panel.row * (kPanelPx + kGapPx);
+  const int top = sheet.height + kGapPx - (3 - panel.row) * (kPanelPx + kGapPx);
   std::vector<Eigen::Vector2d> positions;
   for (int y = 0; y < kPanelPx; ++y)
     for (int x = 0; x < kPanelPx; ++x)
@@ -262,7 +262,7 @@ TEST(RegistrationPictures, AreWrittenIntoANewFolder) {
                                   folder.path() / "refused", green_line());
   ASSERT_EQ(only.size(), 1U);
   const cv::Mat sheet = cv::imread(only[0].string());
-  EXPECT_EQ(sheet.rows, kHeaderPx + 2 * (kPanelPx + kGapPx));
+  EXPECT_EQ(sheet.rows, kHeaderPx + 24 + 2 * (kPanelPx + kGapPx));
 }
 
 TEST(RegistrationPictures, RefuseWhatIsNoInput) {

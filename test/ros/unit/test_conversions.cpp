@@ -175,6 +175,24 @@ TEST(Conversions, CovarianceChangesOrderAndUnit) {
   EXPECT_DOUBLE_EQ(message.covariance[3 * 6 + 2], 1e-4);
 }
 
+TEST(Conversions, ConfidenceIsInMetresAndNotANumberWhereItIsNotKnown) {
+  RegistrationResult result;
+  const msg::RegistrationResult unknown = to_message(result);
+  EXPECT_TRUE(std::isnan(unknown.wrong_probability));
+  EXPECT_TRUE(std::isnan(unknown.expected_error));
+  EXPECT_TRUE(std::isnan(unknown.error_bound));
+  EXPECT_TRUE(unknown.measures.empty());
+
+  result.measures.wrong_probability = 0.25;
+  result.measures.expected_error_mm = 1.5;
+  result.measures.error_bound_mm = 2.5;
+  const msg::RegistrationResult known = to_message(result);
+  EXPECT_DOUBLE_EQ(known.wrong_probability, 0.25);
+  EXPECT_DOUBLE_EQ(known.expected_error, 0.0015);
+  EXPECT_DOUBLE_EQ(known.error_bound, 0.0025);
+  EXPECT_EQ(known.measures.size(), 3U);
+}
+
 TEST(Conversions, ARefusedResultHasNoTransform) {
   RegistrationResult result;
   result.status = RegistrationStatus::kLowConfidence;
