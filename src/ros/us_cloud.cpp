@@ -12,6 +12,17 @@ namespace usct::ros_interface {
 
 namespace msg = us_ct_registration;
 
+namespace {
+
+/// A point beyond the deepest samples of the field, US frame.
+Eigen::Vector3d below_field_us_mm(const ScanGeometry& geometry) {
+  constexpr double kTextHeightMm = 60.0;
+  const double depth_mm = geometry.axial.spacing_mm * geometry.samples();
+  return T_us_field(geometry) * Eigen::Vector3d(0.0, 0.5 * (depth_mm + kTextHeightMm), 0.0);
+}
+
+}  // namespace
+
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), tf_listener_(tf_, node_) {
   Parameters parameters(private_node);
@@ -28,20 +39,22 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud", 1, true);
   surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_placed", 1, true);
+  refused_ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud_refused", 1, true);
+  refused_surface_publisher_ =
+      node_.advertise<visualization_msgs::MarkerArray>("ct/surface_refused", 1, true);
   us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::show_ultrasound, this);
   ct_subscriber_ = node_.subscribe("ct/volume", 1, &UsCloud::take_ct, this);
   surface_subscriber_ = node_.subscribe("ct/surface", 1, &UsCloud::take_surface, this);
   alignment_subscriber_ =
       node_.subscribe("registration/alignment", 1, &UsCloud::take_alignment, this);
+  result_subscriber_ = node_.subscribe("registration/result", 1, &UsCloud::take_result, this);
 }
 
-void UsCloud::move_to_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header,
-                                  const std::vector<std::vector<CloudPoint>*>& clouds) {
+Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
+                                               std_msgs::Header& header) {
   const geometry_msgs::TransformStamped fixed_us =
       tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
   const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
-  for (std::vector<CloudPoint>* points : clouds)
-    for (CloudPoint& point : *points) point.p_mm = T_fixed_us * point.p_mm;
   header.frame_id = fixed_frame_;
   geometry_msgs::TransformStamped acquired = fixed_us;
   acquired.child_frame_id = acquired_frame_;
@@ -50,20 +63,22 @@ void UsCloud::move_to_fixed_frame(const ScanGeometry& geometry, std_msgs::Header
   field.child_frame_id = field_frame_;
   field.transform = to_message(T_fixed_us * T_us_field(geometry));
   broadcaster_.sendTransform({acquired, field});
+  return T_fixed_us;
 }
 
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
-  std::vector<CloudPoint> fans = crossed_fans(us, spacing_mm_);
+  Shown shown{message->header, crossed_fans(us, spacing_mm_)};
   std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
-  std_msgs::Header header = message->header;
-  if (!fixed_frame_.empty()) move_to_fixed_frame(us.geometry, header, {&fans, &whole});
-  us_publisher_.publish(to_message(fans, header));
-  volume_publisher_.publish(to_message(whole, header));
+  if (!fixed_frame_.empty()) shown.T_cloud_us = look_up_fixed_frame(us.geometry, shown.header);
+  shown.below_mm = shown.T_cloud_us * below_field_us_mm(us.geometry);
+  for (std::vector<CloudPoint>* points : {&shown.fans, &whole})
+    for (CloudPoint& point : *points) point.p_mm = shown.T_cloud_us * point.p_mm;
+  us_publisher_.publish(to_message(shown.fans, shown.header));
+  volume_publisher_.publish(to_message(whole, shown.header));
   {
     const std::lock_guard lock(mutex_);
-    header_ = header;
-    fans_ = std::move(fans);
+    shown_ = std::move(shown);
   }
   show_ct();
 } catch (const InputError& error) {
@@ -78,6 +93,7 @@ void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
   {
     const std::lock_guard lock(mutex_);
     ct_ = std::move(ct);
+    ct_crc32_ = message->crc32;
   }
   show_ct();
 } catch (const InputError& error) {
@@ -106,16 +122,52 @@ void UsCloud::take_surface(const visualization_msgs::MarkerArrayConstPtr& messag
   show_ct();
 }
 
+void UsCloud::take_result(const msg::RegistrationResultConstPtr& message) {
+  {
+    const std::lock_guard lock(mutex_);
+    const bool is_drawn =
+        message->status.code != msg::StatusCode::REGISTERED && !message->candidates.empty();
+    refused_ = is_drawn ? message : nullptr;
+  }
+  show_ct();
+}
+
 void UsCloud::show_ct() {
   const std::lock_guard lock(mutex_);
+  show_aligned();
+  show_refused();
+}
+
+void UsCloud::show_aligned() {
   if (surface_ && placement_)
     surface_publisher_.publish(
         placed(*surface_, placement_->fixed_frame, placement_->T_fixed_ct, surface_alpha_));
-  if (fans_.empty()) return;
+  if (!shown_) return;
   std::vector<CloudPoint> points;
-  if (ct_ && placement_ && placement_->T_fixed_ct && placement_->fixed_frame == header_.frame_id)
-    points = ct_at(fans_, *ct_, placement_->T_fixed_ct->inverse());
-  ct_publisher_.publish(to_message(points, header_));
+  if (ct_ && placement_ && placement_->T_fixed_ct &&
+      placement_->fixed_frame == shown_->header.frame_id)
+    points = ct_at(shown_->fans, *ct_, placement_->T_fixed_ct->inverse());
+  ct_publisher_.publish(to_message(points, shown_->header));
+}
+
+void UsCloud::show_refused() try {
+  if (!shown_) return;
+  std::vector<CloudPoint> points;
+  visualization_msgs::MarkerArray markers = placed({}, "", std::nullopt, 0.0);
+  if (refused_ && refused_->us_stamp == shown_->header.stamp && ct_ &&
+      refused_->ct_crc32 == ct_crc32_) {
+    const Eigen::Isometry3d T_cloud_ct =
+        shown_->T_cloud_us *
+        from_message_mm(refused_->candidates.front().transform, result_subscriber_.getTopic());
+    points = ct_at(shown_->fans, *ct_, T_cloud_ct.inverse());
+    markers = refused_markers(surface_ ? *surface_ : visualization_msgs::MarkerArray(),
+                              shown_->header.frame_id, T_cloud_ct, surface_alpha_,
+                              refused_->status.message, shown_->below_mm);
+  }
+  refused_ct_publisher_.publish(to_message(points, shown_->header));
+  refused_surface_publisher_.publish(markers);
+} catch (const InputError& error) {
+  ROS_ERROR("%s", error.what());
 }
 
 }  // namespace usct::ros_interface

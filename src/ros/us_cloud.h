@@ -8,9 +8,11 @@
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/PreScanVolume.h>
+#include <us_ct_registration/RegistrationResult.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -23,13 +25,23 @@ namespace usct::ros_interface {
 
 /// The node `us_cloud` publishes clouds for rviz: ultrasound (two fans, and the volume), the CT on
 /// the same fans, and the CT's surfaces (rviz drops those that arrive before tf has the CT). All
-/// are in the fixed frame, where they stay when the probe moves away. The node also gives tf two
-/// frames that mark the ultrasound and the middle of its field. docs/nodes/us_cloud.md.
+/// are in the fixed frame, where they stay when the probe moves away. If a registration of this
+/// ultrasound was refused, the node shows its best candidate as well, in red and beside the reason,
+/// on topics of its own and never in tf. The node gives tf two frames that mark the ultrasound and
+/// the middle of its field. docs/nodes/us_cloud.md.
 class UsCloud {
  public:
   UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
 
  private:
+  /// The ultrasound that is shown.
+  struct Shown {
+    std_msgs::Header header;  // frame_id: that of the clouds
+    std::vector<CloudPoint> fans;
+    Eigen::Isometry3d T_cloud_us = Eigen::Isometry3d::Identity();
+    /// A point beyond the field, where a text hides nothing.
+    Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
+  };
   /// The last published pose of the CT.
   struct Placement {
     std::string fixed_frame;
@@ -40,12 +52,18 @@ class UsCloud {
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
   void take_surface(const visualization_msgs::MarkerArrayConstPtr& message);
-  /// Looks up the pose of the ultrasound, transforms the points to the fixed frame, and sends the
-  /// node's frames to tf. Throws tf2::TransformException.
-  void move_to_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header,
-                           const std::vector<std::vector<CloudPoint>*>& clouds);
-  /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
+  void take_result(const us_ct_registration::RegistrationResultConstPtr& message);
+  /// The pose of the ultrasound in the fixed frame, mm, at the stamp of `header`, whose frame
+  /// becomes the fixed one; sends the node's frames to tf. Throws tf2::TransformException.
+  Eigen::Isometry3d look_up_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header);
+  /// Publishes what is known of the CT: where the alignment has it, and where a refused
+  /// registration had its best candidate.
   void show_ct();
+  /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
+  void show_aligned();
+  /// Publishes the best candidate of a refused registration, if it is of the CT and the ultrasound
+  /// that are shown; otherwise removes what was shown of another one.
+  void show_refused();
 
   std::string fixed_frame_;
   std::string acquired_frame_;
@@ -54,12 +72,14 @@ class UsCloud {
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
   ::ros::Duration tf_timeout_;
-  std::mutex mutex_;  // guards the members below, up to placement_
-  std_msgs::Header header_;
-  std::vector<CloudPoint> fans_;  // in the frame of header_
+  std::mutex mutex_;            // guards the members below, up to refused_
+  std::optional<Shown> shown_;  // empty until the first ultrasound arrives
   std::shared_ptr<const CtVolume> ct_;
+  std::uint32_t ct_crc32_ = 0;
   visualization_msgs::MarkerArrayConstPtr surface_;
   std::optional<Placement> placement_;  // empty until the first alignment arrives
+  /// The last result, if it was refused and has a candidate.
+  us_ct_registration::RegistrationResultConstPtr refused_;
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_;
@@ -68,10 +88,13 @@ class UsCloud {
   ::ros::Publisher volume_publisher_;
   ::ros::Publisher ct_publisher_;
   ::ros::Publisher surface_publisher_;
+  ::ros::Publisher refused_ct_publisher_;
+  ::ros::Publisher refused_surface_publisher_;
   ::ros::Subscriber us_subscriber_;
   ::ros::Subscriber ct_subscriber_;
   ::ros::Subscriber surface_subscriber_;
   ::ros::Subscriber alignment_subscriber_;
+  ::ros::Subscriber result_subscriber_;
 };
 
 }  // namespace usct::ros_interface

@@ -2,6 +2,7 @@
 """The whole system from outside: a bag of files, replayed on simulated time through all nodes, registered by an empty
 call, the CT looked up in tf by another process; through restarts of every node and of the master."""
 import functools
+import gzip
 import json
 import os
 import pathlib
@@ -14,7 +15,12 @@ import sys
 import tempfile
 import unittest
 
+import numpy
+import rosbag
 import rosunit
+import yaml
+from us_ct_registration.msg import StatusCode
+from visualization_msgs.msg import Marker
 
 import node_under_test
 from node_under_test import PACKAGE
@@ -100,6 +106,17 @@ def initial_of(transform):
     initial = transform.with_suffix(".json")
     initial.write_text(run([usct(), "info", "--json", str(transform)], None))
     return initial
+
+
+def reversed_lines(ultrasound, mirrored):
+    """The ultrasound with its lines in reverse order, as of a probe that was held the wrong way round."""
+    header, voxels = ultrasound.read_bytes().split(b"\n\n", 1)
+    sizes = [int(size) for size in re.search(rb"^sizes: (.*)$", header, re.M).group(1).split()]
+    if b"encoding: gzip" in header:
+        header, voxels = header.replace(b"encoding: gzip", b"encoding: raw"), gzip.decompress(voxels)
+    lines = numpy.frombuffer(voxels, "u1").reshape(sizes[::-1])
+    mirrored.write_bytes(header + b"\n\n" + lines[:, ::-1].tobytes())
+    return mirrored
 
 
 def shifted(parameters, shift_mm):
@@ -206,6 +223,52 @@ class TestReplay(unittest.TestCase):
         self.system.start_nodes("nodelet:=true")
         self.system.client("ready")
         self.acquire_and_register(0)
+
+    def drawn(self, topic):
+        """The newest message of a topic of us_cloud, as a third party receives it."""
+        bag = self.folder / "drawn.bag"
+        run(["rosbag", "record", "--quiet", "--limit", "1", "--output-name", str(bag), topic], self.system.environment)
+        with rosbag.Bag(str(bag)) as recorded:
+            return next(message for _, message, _ in recorded.read_messages())
+
+    def refused_texts(self):
+        return [marker.text for marker in self.drawn("/ct/surface_refused").markers
+                if marker.ns == "REFUSED" and marker.type == Marker.TEXT_VIEW_FACING]
+
+    def test_a_refused_candidate_is_drawn_and_marked_and_not_in_tf(self):
+        recorded = self.acquisition.bag_options
+        mirrored = reversed_lines(self.acquisition.case / "us.nrrd", self.folder / "mirrored.nrrd")
+        self.acquisition.bag_options = ("--us", mirrored)
+        self.system.start_master()
+        self.system.start_nodes("run_us_cloud:=true")
+        self.system.client("ready")
+        self.system.play(0)
+        self.system.client("initial", self.acquisition.initial)
+        answer = yaml.safe_load(run(["rosservice", "call", "/register"], self.system.environment))
+        result = answer["result"]
+        self.assertFalse(answer["success"])
+        self.assertEqual(result["status"]["code"], StatusCode.LOW_CONFIDENCE, answer["message"])
+        self.assertGreater(result["wrong_probability"], 0.3)
+        self.assertGreater(result["error_bound"], result["expected_error"])
+        self.assertGreater(result["expected_error"], 0)
+        (text,) = wait_for(self.refused_texts, "the text that says REFUSED")
+        self.assertTrue(text.startswith("REFUSED"), text)
+        self.assertIn(answer["message"], " ".join(text.split("\n")))
+        # The cloud is where the candidate has the CT, and has the stamp of the ultrasound.
+        cloud = self.drawn("/ct/cloud_refused")
+        self.assertGreater(cloud.width, 100)
+        self.assertEqual(cloud.header.frame_id, "patient")
+        self.assertEqual(self.drawn("/ct/cloud").width, 0)
+        print(self.system.client("no_ct_in_tf"))
+        # The next acquisition takes the place of the refused candidate, and is registered.
+        self.acquisition.bag_options = recorded
+        self.system.play(1)
+        wait_for(lambda: not self.refused_texts(), "the refused candidate to disappear")
+        self.assertEqual(self.drawn("/ct/cloud_refused").width, 0)
+        self.system.client("initial", self.acquisition.initial)
+        self.assertTrue(run(["rosservice", "call", "/register"], self.system.environment).startswith("success: True"))
+        self.ct_in_tf()
+        self.assertFalse(self.refused_texts())
 
     def test_restart_of_every_node(self):
         self.system.start_master()

@@ -3,6 +3,7 @@
 #include <sensor_msgs/point_cloud2_iterator.h>
 
 #include "ros/conversions/poses.h"
+#include "us_ct_registration/rendering/result_marks.h"
 #include "us_ct_registration/rendering/surface_labels.h"
 
 namespace usct::ros_interface {
@@ -41,6 +42,33 @@ Marker to_marker(int label, const Surface& surface, const std::string& name,
   for (const auto& triangle : surface.triangles)
     for (const std::uint32_t corner : triangle)
       marker.points.push_back(to_message(surface.points_mm[corner]));
+  return marker;
+}
+
+constexpr const char* kRefused = "REFUSED";
+
+void colour_as_refused(Marker& marker, double alpha) {
+  marker.color.r = 1.0F;
+  marker.color.g = marker.color.b = 0.1F;
+  marker.color.a = static_cast<float>(alpha);
+}
+
+Marker refused_text(const std::string& reason, const std::string& frame,
+                    const Eigen::Vector3d& text_mm) {
+  constexpr double kLetterM = 0.0045;
+  constexpr std::size_t kLettersPerLine = 90;
+  Marker marker;
+  marker.header.frame_id = frame;
+  marker.ns = kRefused;
+  marker.id = -1;  // the ids of surfaces are labels, which are not negative
+  marker.type = Marker::TEXT_VIEW_FACING;
+  marker.action = Marker::ADD;
+  marker.pose.orientation.w = 1.0;
+  marker.pose.position = to_message(text_mm);
+  marker.scale.z = kLetterM;
+  colour_as_refused(marker, 1.0);
+  marker.text = "REFUSED: the best candidate, not a registration";
+  for (const std::string& line : wrapped(reason, kLettersPerLine)) marker.text += "\n" + line;
   return marker;
 }
 
@@ -117,6 +145,21 @@ MarkerArray placed(const MarkerArray& surfaces_ct, const std::string& frame,
     marker.pose = pose;
     marker.color.a = static_cast<float>(alpha);
   }
+  return result;
+}
+
+MarkerArray refused_markers(const MarkerArray& surfaces_ct, const std::string& frame,
+                            const Eigen::Isometry3d& T_frame_ct, double alpha,
+                            const std::string& reason, const Eigen::Vector3d& text_mm) {
+  MarkerArray result;
+  result.markers.push_back(deletes_all());
+  for (Marker marker : placed(surfaces_ct, frame, T_frame_ct, alpha).markers) {
+    if (marker.action != Marker::ADD) continue;
+    marker.ns = kRefused;
+    colour_as_refused(marker, alpha);
+    result.markers.push_back(marker);
+  }
+  result.markers.push_back(refused_text(reason, frame, text_mm));
   return result;
 }
 

@@ -63,6 +63,9 @@ TEST(Registration, SaysWhyNothingArrived) {
     EXPECT_TRUE(is_zero(result.transform));
     EXPECT_TRUE(is_zero(result.fixed_transform));
     EXPECT_TRUE(std::isnan(result.similarity));
+    EXPECT_TRUE(std::isnan(result.wrong_probability));
+    EXPECT_TRUE(std::isnan(result.expected_error));
+    EXPECT_TRUE(std::isnan(result.error_bound));
   }
 }
 
@@ -80,6 +83,10 @@ TEST(Registration, EmptyCallsFromEverywhereRegister) {
   EXPECT_EQ(result.preset, "phantom with options");
   EXPECT_EQ(result.fixed_frame, "us");
   EXPECT_EQ(result.fixed_transform, result.transform);
+  EXPECT_GE(result.wrong_probability, 0.0);
+  EXPECT_LE(result.wrong_probability, 0.3) << "the limit of the gate";
+  EXPECT_GT(result.expected_error, 0.0);
+  EXPECT_GT(result.error_bound, result.expected_error);
   EXPECT_TRUE(eventually(
       [&] { return !client.published().empty() && client.published().back().id == result.id; }));
 

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include <algorithm>
+
 #include "ros/conversions/clouds.h"
 
 namespace usct::ros_interface {
@@ -69,6 +71,44 @@ TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
   const visualization_msgs::MarkerArray none = placed(surfaces, "patient", std::nullopt, 0.5);
   ASSERT_EQ(none.markers.size(), 1u);
   EXPECT_EQ(none.markers[0].action, visualization_msgs::Marker::DELETEALL);
+}
+
+TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
+  const auto surfaces = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
+  const std::string reason =
+      "the ultrasound fits the CT better with its lines in reverse order: check which way round "
+      "the probe was held";
+  const auto found = refused_markers(surfaces, "patient", T_patient_ct, 0.5, reason, {0, 0, 400});
+  ASSERT_EQ(found.markers.size(), 4u);
+  EXPECT_EQ(found.markers[0].action, Marker::DELETEALL);
+  for (std::size_t i = 1; i < 4; ++i) {
+    const Marker& marker = found.markers[i];
+    EXPECT_EQ(marker.ns, "REFUSED");
+    EXPECT_EQ(marker.action, Marker::ADD);
+    EXPECT_EQ(marker.header.frame_id, "patient");
+    EXPECT_GT(marker.color.r, 0.9F);
+    EXPECT_LT(marker.color.g + marker.color.b, 0.3F);
+    for (std::size_t j = 1; j < i; ++j) EXPECT_NE(marker.id, found.markers[j].id);
+  }
+  EXPECT_EQ(found.markers[1].pose.position.x, 0.25);
+  EXPECT_EQ(found.markers[1].color.a, 0.5F);
+  EXPECT_EQ(found.markers[1].points, surfaces.markers[1].points);
+  const Marker& text = found.markers[3];
+  EXPECT_EQ(text.type, Marker::TEXT_VIEW_FACING);
+  EXPECT_EQ(text.pose.position.z, 0.4);
+  EXPECT_EQ(text.text.rfind("REFUSED", 0), 0u);
+  EXPECT_GT(std::count(text.text.begin(), text.text.end(), '\n'), 1);
+  std::string in_one_line = text.text;
+  std::replace(in_one_line.begin(), in_one_line.end(), '\n', ' ');
+  EXPECT_THAT(in_one_line, testing::EndsWith(reason));
+}
+
+TEST(RefusedMarkers, SayWhyWithoutSurfacesToo) {
+  const auto found =
+      refused_markers({}, "patient", Eigen::Isometry3d::Identity(), 0.5, "no reason", {0, 0, 0});
+  ASSERT_EQ(found.markers.size(), 2u);
+  EXPECT_THAT(found.markers[1].text, testing::HasSubstr("no reason"));
 }
 
 TEST(CloudMessage, IsInMetresWithTheIntensityLast) {

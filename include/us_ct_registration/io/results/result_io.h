@@ -8,9 +8,9 @@
 /// Results of registrations as JSON. Keys: `status`, `message`, `T_us_ct` (16 numbers, row by row,
 /// mm), `similarity`, `overlap`, `covariance` (36 numbers, row by row, of the motion
 /// `p_us -> p_us + w x p_us + t` about the origin of the US frame, in the order w rad, t mm),
-/// `candidates` (objects with `T_us_ct`, `similarity`, `overlap`), `measures` (numbers by name),
-/// `evaluations`, `seconds` (by stage), `options` (by name, as text), `version`. Unknown values are
-/// null; `T_us_ct` is null unless status is "registered".
+/// `candidates` (objects with `T_us_ct`, `similarity`, `overlap`), `measures` (numbers by name:
+/// see Measures), `evaluations`, `seconds` (by stage), `options` (by name, as text), `version`.
+/// Unknown values are null; `T_us_ct` is null unless status is "registered".
 namespace usct {
 
 /// Throws InputError, naming file and key: for a file that is not such JSON; for a key that is
