@@ -19,6 +19,13 @@ double log_within(double value, double low, double high) {
 constexpr double kUsualDisplacementMm = 40.0;
 constexpr double kPerMm = 10.0;
 
+/// Halves of the field that move a pose by this much leave it uncertain by almost 5 mm, whatever
+/// the rest says: the log odds fall by kTornPerMm for every mm beyond. No right pose of the
+/// calibration came near, so that this limit is a matter of reason.
+constexpr double kTornMm = 4.0;
+constexpr double kMostTornMm = 4.0;
+constexpr double kTornPerMm = 2.0;
+
 }  // namespace
 
 std::optional<RightProbability> right_probability(const Measures& m) {
@@ -33,7 +40,8 @@ std::optional<RightProbability> right_probability(const Measures& m) {
   right.chance = logistic(-1.8 + 2.8 * log_within(*m.chance_ratio, 0.7, 2.5) +
                           6.6 * log_within(*m.rival_ratio, 0.7, 3.0) - far);
   right.parts = logistic(7.4 - 1.9 * log_within(*m.parts_mm, 0.5, 6.0) -
-                         0.8 * log_within(*m.ridge_parts_mm, 0.8, 8.0));
+                         0.8 * log_within(*m.ridge_parts_mm, 0.8, 8.0) -
+                         kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm));
   return right;
 }
 
