@@ -126,6 +126,8 @@ TEST(MultiStart, ANearRoundFindsANarrowPeakThatTheFirstRoundMisses) {
   options.levels[0].optimised = 2;
   options.levels[0].kept = 1;
   options.rounds.growth = 16;
+  options.rounds.breadth = 8;
+  options.rounds.deciding_breadth = 4;
   const auto finds = [&](double near_share) {
     options.rounds.near_share = near_share;
     Searched searched({{near, 1.0, 3.0}, {kLow, 0.6, 25.0}}, options);
