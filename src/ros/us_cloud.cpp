@@ -12,17 +12,6 @@ namespace usct::ros_interface {
 
 namespace msg = us_ct_registration;
 
-namespace {
-
-/// A point beyond the deepest samples of the field, US frame.
-Eigen::Vector3d below_field_us_mm(const ScanGeometry& geometry) {
-  constexpr double kTextHeightMm = 60.0;
-  const double depth_mm = geometry.axial.spacing_mm * geometry.samples();
-  return T_us_field(geometry) * Eigen::Vector3d(0.0, 0.5 * (depth_mm + kTextHeightMm), 0.0);
-}
-
-}  // namespace
-
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), tf_listener_(tf_, node_) {
   Parameters parameters(private_node);
@@ -71,7 +60,13 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   Shown shown{message->header, crossed_fans(us, spacing_mm_)};
   std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
   if (!fixed_frame_.empty()) shown.T_cloud_us = look_up_fixed_frame(us.geometry, shown.header);
-  shown.below_mm = shown.T_cloud_us * below_field_us_mm(us.geometry);
+  constexpr double kAboveMm = 25.0;
+  constexpr double kBelowMm = 55.0;
+  const double half_depth_mm = 0.5 * us.geometry.axial.spacing_mm * us.geometry.samples();
+  shown.above_mm =
+      shown.T_cloud_us * T_us_acquired(us.geometry) * Eigen::Vector3d(0.0, -kAboveMm, 0.0);
+  shown.below_mm = shown.T_cloud_us * T_us_field(us.geometry) *
+                   Eigen::Vector3d(0.0, half_depth_mm + kBelowMm, 0.0);
   for (std::vector<CloudPoint>* points : {&shown.fans, &whole})
     for (CloudPoint& point : *points) point.p_mm = shown.T_cloud_us * point.p_mm;
   us_publisher_.publish(to_message(shown.fans, shown.header));
@@ -161,8 +156,9 @@ void UsCloud::show_refused() try {
         from_message_mm(refused_->candidates.front().transform, result_subscriber_.getTopic());
     points = ct_at(shown_->fans, *ct_, T_cloud_ct.inverse());
     markers = refused_markers(surface_ ? *surface_ : visualization_msgs::MarkerArray(),
-                              shown_->header.frame_id, T_cloud_ct, surface_alpha_,
-                              refused_->status.message, shown_->below_mm);
+                              {shown_->header.frame_id, T_cloud_ct, refused_->status.message,
+                               shown_->above_mm, shown_->below_mm},
+                              surface_alpha_);
   }
   refused_ct_publisher_.publish(to_message(points, shown_->header));
   refused_surface_publisher_.publish(markers);

@@ -39,7 +39,8 @@ class UsCloud {
     std_msgs::Header header;  // frame_id: that of the clouds
     std::vector<CloudPoint> fans;
     Eigen::Isometry3d T_cloud_us = Eigen::Isometry3d::Identity();
-    /// A point beyond the field, where a text hides nothing.
+    /// Points behind the array and beyond the field, where a text hides nothing.
+    Eigen::Vector3d above_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
   };
   /// The last published pose of the CT.

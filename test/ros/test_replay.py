@@ -251,9 +251,9 @@ class TestReplay(unittest.TestCase):
         self.assertGreater(result["wrong_probability"], 0.3)
         self.assertGreater(result["error_bound"], result["expected_error"])
         self.assertGreater(result["expected_error"], 0)
-        (text,) = wait_for(self.refused_texts, "the text that says REFUSED")
-        self.assertTrue(text.startswith("REFUSED"), text)
-        self.assertIn(answer["message"], " ".join(text.split("\n")))
+        title, reason = wait_for(self.refused_texts, "the text that says REFUSED")
+        self.assertTrue(title.startswith("REFUSED"), title)
+        self.assertEqual(reason.replace("\n", " "), answer["message"])
         # The cloud is where the candidate has the CT, and has the stamp of the ultrasound.
         cloud = self.drawn("/ct/cloud_refused")
         self.assertGreater(cloud.width, 100)

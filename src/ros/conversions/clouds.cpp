@@ -53,23 +53,29 @@ void colour_as_refused(Marker& marker, double alpha) {
   marker.color.a = static_cast<float>(alpha);
 }
 
-Marker refused_text(const std::string& reason, const std::string& frame,
-                    const Eigen::Vector3d& text_mm) {
-  constexpr double kLetterM = 0.0045;
-  constexpr std::size_t kLettersPerLine = 90;
+/// `id` must be negative, since the ids of surfaces are labels.
+Marker refused_text(int id, const std::string& text, double letter_m, const std::string& frame,
+                    const Eigen::Vector3d& at_mm) {
   Marker marker;
   marker.header.frame_id = frame;
   marker.ns = kRefused;
-  marker.id = -1;  // the ids of surfaces are labels, which are not negative
+  marker.id = id;
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   marker.pose.orientation.w = 1.0;
-  marker.pose.position = to_message(text_mm);
-  marker.scale.z = kLetterM;
+  marker.pose.position = to_message(at_mm);
+  marker.scale.z = letter_m;
   colour_as_refused(marker, 1.0);
-  marker.text = "REFUSED: the best candidate, not a registration";
-  for (const std::string& line : wrapped(reason, kLettersPerLine)) marker.text += "\n" + line;
+  marker.text = text;
   return marker;
+}
+
+std::string in_lines(const std::string& text) {
+  constexpr std::size_t kLettersPerLine = 80;
+  std::string lines;
+  for (const std::string& line : wrapped(text, kLettersPerLine))
+    lines += (lines.empty() ? "" : "\n") + line;
+  return lines;
 }
 
 sensor_msgs::PointCloud2 cloud_of(std::size_t points, const char* fourth_field,
@@ -148,18 +154,22 @@ MarkerArray placed(const MarkerArray& surfaces_ct, const std::string& frame,
   return result;
 }
 
-MarkerArray refused_markers(const MarkerArray& surfaces_ct, const std::string& frame,
-                            const Eigen::Isometry3d& T_frame_ct, double alpha,
-                            const std::string& reason, const Eigen::Vector3d& text_mm) {
+MarkerArray refused_markers(const MarkerArray& surfaces_ct, const RefusedCandidate& refused,
+                            double alpha) {
+  constexpr double kTitleM = 0.010;
+  constexpr double kReasonM = 0.005;
   MarkerArray result;
   result.markers.push_back(deletes_all());
-  for (Marker marker : placed(surfaces_ct, frame, T_frame_ct, alpha).markers) {
+  for (Marker marker : placed(surfaces_ct, refused.frame, refused.T_frame_ct, alpha).markers) {
     if (marker.action != Marker::ADD) continue;
     marker.ns = kRefused;
     colour_as_refused(marker, alpha);
     result.markers.push_back(marker);
   }
-  result.markers.push_back(refused_text(reason, frame, text_mm));
+  result.markers.push_back(
+      refused_text(-1, "REFUSED: not a registration", kTitleM, refused.frame, refused.title_mm));
+  result.markers.push_back(
+      refused_text(-2, in_lines(refused.reason), kReasonM, refused.frame, refused.reason_mm));
   return result;
 }
 

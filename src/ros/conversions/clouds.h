@@ -37,13 +37,19 @@ visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& su
                                        const std::optional<Eigen::Isometry3d>& T_frame_ct,
                                        double alpha);
 
-/// What shows a refused pose and cannot be taken for an alignment: a marker that deletes those
-/// before, the surfaces of the CT at that pose, all in red with opacity `alpha` and the namespace
-/// "REFUSED", and a text at `text_mm` that says REFUSED and why. In `frame`.
+/// The best candidate of a refused registration, and where texts about it are shown, in `frame`.
+struct RefusedCandidate {
+  std::string frame;
+  Eigen::Isometry3d T_frame_ct;
+  std::string reason;
+  Eigen::Vector3d title_mm;
+  Eigen::Vector3d reason_mm;
+};
+
+/// What shows a refused candidate and cannot be taken for an alignment: a marker that deletes those
+/// before, the surfaces of the CT in red with opacity `alpha`, and two texts, which say REFUSED and
+/// why. The namespace of all is "REFUSED".
 visualization_msgs::MarkerArray refused_markers(const visualization_msgs::MarkerArray& surfaces_ct,
-                                                const std::string& frame,
-                                                const Eigen::Isometry3d& T_frame_ct, double alpha,
-                                                const std::string& reason,
-                                                const Eigen::Vector3d& text_mm);
+                                                const RefusedCandidate& refused, double alpha);
 
 }  // namespace usct::ros_interface

@@ -79,10 +79,11 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
   const std::string reason =
       "the ultrasound fits the CT better with its lines in reverse order: check which way round "
       "the probe was held";
-  const auto found = refused_markers(surfaces, "patient", T_patient_ct, 0.5, reason, {0, 0, 400});
-  ASSERT_EQ(found.markers.size(), 4u);
+  const auto found =
+      refused_markers(surfaces, {"patient", T_patient_ct, reason, {0, 0, 400}, {0, 0, -100}}, 0.5);
+  ASSERT_EQ(found.markers.size(), 5u);
   EXPECT_EQ(found.markers[0].action, Marker::DELETEALL);
-  for (std::size_t i = 1; i < 4; ++i) {
+  for (std::size_t i = 1; i < 5; ++i) {
     const Marker& marker = found.markers[i];
     EXPECT_EQ(marker.ns, "REFUSED");
     EXPECT_EQ(marker.action, Marker::ADD);
@@ -94,21 +95,23 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
   EXPECT_EQ(found.markers[1].pose.position.x, 0.25);
   EXPECT_EQ(found.markers[1].color.a, 0.5F);
   EXPECT_EQ(found.markers[1].points, surfaces.markers[1].points);
-  const Marker& text = found.markers[3];
-  EXPECT_EQ(text.type, Marker::TEXT_VIEW_FACING);
-  EXPECT_EQ(text.pose.position.z, 0.4);
-  EXPECT_EQ(text.text.rfind("REFUSED", 0), 0u);
-  EXPECT_GT(std::count(text.text.begin(), text.text.end(), '\n'), 1);
-  std::string in_one_line = text.text;
+  EXPECT_EQ(found.markers[3].type, Marker::TEXT_VIEW_FACING);
+  EXPECT_EQ(found.markers[3].pose.position.z, 0.4);
+  EXPECT_THAT(found.markers[3].text, testing::StartsWith("REFUSED"));
+  const Marker& why = found.markers[4];
+  EXPECT_EQ(why.type, Marker::TEXT_VIEW_FACING);
+  EXPECT_EQ(why.pose.position.z, -0.1);
+  EXPECT_EQ(std::count(why.text.begin(), why.text.end(), '\n'), 1);
+  std::string in_one_line = why.text;
   std::replace(in_one_line.begin(), in_one_line.end(), '\n', ' ');
-  EXPECT_THAT(in_one_line, testing::EndsWith(reason));
+  EXPECT_EQ(in_one_line, reason);
 }
 
 TEST(RefusedMarkers, SayWhyWithoutSurfacesToo) {
-  const auto found =
-      refused_markers({}, "patient", Eigen::Isometry3d::Identity(), 0.5, "no reason", {0, 0, 0});
-  ASSERT_EQ(found.markers.size(), 2u);
-  EXPECT_THAT(found.markers[1].text, testing::HasSubstr("no reason"));
+  const auto found = refused_markers(
+      {}, {"patient", Eigen::Isometry3d::Identity(), "no reason", {0, 0, 0}, {0, 0, 0}}, 0.5);
+  ASSERT_EQ(found.markers.size(), 3u);
+  EXPECT_EQ(found.markers[2].text, "no reason");
 }
 
 TEST(CloudMessage, IsInMetresWithTheIntensityLast) {
