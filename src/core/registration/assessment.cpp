@@ -20,6 +20,12 @@ double median(std::vector<double> values) {
   return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
 
+/// How many times the similarity of another pose. It is limited, since the other may be next to 0.
+double times(const Candidate& best, double other) {
+  constexpr double kMost = 100.0;
+  return other > 0.0 ? std::clamp(best.value / other, 0.0, kMost) : kMost;
+}
+
 /// The points in the middle of the field of view, where the kidney is.
 std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
   std::vector<Vector3d> near;
@@ -60,8 +66,14 @@ std::vector<Candidate> optima_around(const SearchProblem& problem, const Candida
 }  // namespace
 
 bool may_be_missed(const Assessment& assessment) {
-  const std::optional<RightProbability> right = right_probability(assessment.measures);
-  return !right || right->chance < 0.5;
+  const Measures& measures = assessment.measures;
+  const std::optional<RightProbability> right = right_probability(measures);
+  if (!right) return true;
+  constexpr double kMirrorFound = 0.6;
+  constexpr double kMirrorSure = -4.0;
+  if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
+    return false;
+  return right->chance < 0.5;
 }
 
 Outcome<Assessment> Assessor::assess(const std::vector<Candidate>& optima, const Candidate& refined,
@@ -114,8 +126,8 @@ void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& be
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
   const auto highest = std::max_element(values.begin(), values.end());
   result.best_mirror = (*decoys_)[static_cast<std::size_t>(highest - values.begin())].mirror;
-  result.measures.mirror_ratio = best.value / *highest;
-  result.measures.chance_ratio = best.value / median(values);
+  result.measures.mirror_ratio = times(best, *highest);
+  result.measures.chance_ratio = times(best, median(values));
   const std::shared_ptr<const Similarity> patches =
       make_similarity(*on.images.levels.back().images, confidence.similarity);
   if (!patches) return;
@@ -137,7 +149,7 @@ void Assessor::compare_with_rivals(const std::vector<Candidate>& optima, Measure
     if (images_.prepared.field.distance_mm(optima[i].T_us_ct, best.T_us_ct) <=
         options_.confidence.rival_mm)
       continue;
-    measures.rival_ratio = best.value / optima[i].value;
+    measures.rival_ratio = times(best, optima[i].value);
     return;
   }
   measures.rival_ratio = measures.chance_ratio;

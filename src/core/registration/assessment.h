@@ -19,7 +19,8 @@ struct Assessment {
 };
 
 /// Whether another round could find the right pose: nothing that was found is better than chance.
-/// A pose that mirrored ultrasound beats, or that parts do not agree about, has been found.
+/// Not if mirrored ultrasound fits so much better that it is the right one, or if a pose is better
+/// than chance and fails for another reason.
 bool may_be_missed(const Assessment& assessment);
 
 /// Images, and the search on them that the evidence is compared with. Both must outlive it.

@@ -156,6 +156,10 @@ TEST(MayBeMissed, WhereNothingIsBetterThanChance) {
   EXPECT_TRUE(may_be_missed(by_chance(1.0, 1.0)));
   EXPECT_TRUE(may_be_missed(by_chance(1.3, 1.0)));
   EXPECT_TRUE(may_be_missed({}));
+  // Mirrored ultrasound is the right one: no more starts are needed to know.
+  Assessment wrong_way_round = mirrored(Mirror::kLines, 0.2, -12.0);
+  wrong_way_round.measures.chance_ratio = 0.4;
+  EXPECT_FALSE(may_be_missed(wrong_way_round));
 }
 
 }  // namespace

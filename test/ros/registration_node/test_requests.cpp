@@ -163,7 +163,8 @@ TEST(Registration, GoalRegistersWithProgress) {
   EXPECT_EQ(client.action.getState(), actionlib::SimpleClientGoalState::SUCCEEDED);
   const Result result = client.action.getResult()->result;
   EXPECT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
-  EXPECT_LT(error_mm(result), 2.0 * kGoodMm);  // the preset's last stage is on 2 mm
+  // The preset ends on 2 mm with half of the samples, and this case is small.
+  EXPECT_LT(error_mm(result), 3.0 * kGoodMm);
   EXPECT_EQ(result.preset, "fast");
   EXPECT_EQ(result.initial_alignment, "goal");
   const std::lock_guard<std::mutex> lock(mutex);
