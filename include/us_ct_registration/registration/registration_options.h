@@ -41,7 +41,8 @@ struct LevelOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// A search whose best optimum is refused and no better than chance goes on in further rounds.
+/// A search goes on in further rounds while its best optimum is refused and no better than chance,
+/// or passes the gates without being sure.
 struct RoundOptions {
   /// Greatest number of rounds; [1, 6].
   int most = 2;
@@ -55,6 +56,9 @@ struct RoundOptions {
   /// and climbs straight at the deciding level: an optimum that only that level shows has a narrow
   /// peak, which is found if starts are dense; (0, 1].
   double near_share = 0.5;
+  /// A pose that passes the gates needs no further round if its wrong_probability is at most this;
+  /// otherwise another round must confirm that nothing better is near; [0, 1].
+  double sure = 0.05;
 
   void validate(const std::string& source) const;
 };

@@ -84,6 +84,10 @@ Outcome<Assessment> Assessor::assess(const std::vector<Candidate>& optima, const
   assessment.measures.displacement_mm =
       field.distance_mm(refined.T_us_ct, problem_.T_us_ct_initial);
   assessment.measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optima.front().T_us_ct);
+  if (const std::optional<RefinementOptions>& refinement = options_.refinement) {
+    if (refinement->depth_error > 0.0) assessment.measures.depth_error = refined.errors.depth;
+    if (refinement->sweep_error > 0.0) assessment.measures.sweep_error = refined.errors.sweep;
+  }
   const ConfidenceOptions& confidence = options_.confidence;
   if (!confidence.gates.max_wrong_probability) return assessment;
   if (confidence.evidence == EvidenceSource::kPatient)
