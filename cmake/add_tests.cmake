@@ -65,6 +65,15 @@ if(NOT USCT_CORE_ONLY)
   endforeach()
 endif()
 
+# Tests with nodes run one at a time beside the others: they wait for messages, within limits that a machine with
+# many of them at once would not keep.
+get_property(all_tests DIRECTORY PROPERTY TESTS)
+foreach(test ${all_tests})
+  if(test MATCHES "_rostest_")
+    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes)
+  endif()
+endforeach()
+
 # The package itself: what it promises to a stranger who builds it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(package_tests ${PROJECT_SOURCE_DIR}/test/package)
