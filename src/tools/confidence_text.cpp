@@ -45,14 +45,14 @@ std::string evidence(const Measures& m) {
               "view helps") +
          line("comparison with chance", right->chance,
               text("the pose has %.2f times the similarity that chance reaches, and %.2f times "
-                   "that of the best pose elsewhere",
-                   *m.chance_ratio, *m.rival_ratio),
+                   "that of the best pose elsewhere (patch by patch: t = %.1f)",
+                   *m.chance_ratio, *m.rival_ratio, *m.rival_advantage),
               "check that the CT is of this patient and that the kidney is in view, and give an "
               "initial pose that is closer") +
          line("agreement of parts", right->parts,
               text("halves of the field of view, registered alone, move the pose by %.1f and %.1f "
-                   "mm",
-                   *m.parts_mm, *m.ridge_parts_mm),
+                   "mm, %.2f times as far as they move a wrong pose",
+                   *m.parts_mm, *m.ridge_parts_mm, *m.parts_ratio),
               "check the geometry of the probe and the tracking, and acquire again during a breath "
               "hold and with little pressure");
 }

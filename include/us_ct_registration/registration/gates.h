@@ -37,13 +37,22 @@ struct Measures {
   /// Similarity of the best optimum over the median of the mirrored ultrasound, which chance can
   /// reach.
   std::optional<double> chance_ratio;
+  /// Student's t of that comparison, patch by patch: the median.
+  std::optional<double> chance_advantage;
   /// Similarity of the best optimum over that of the best rival, a pose elsewhere; as chance_ratio
   /// if there is no rival.
   std::optional<double> rival_ratio;
+  /// Student's t of that comparison, patch by patch: the least of the best rivals; as
+  /// chance_advantage if there is no rival.
+  std::optional<double> rival_advantage;
   /// Median distance by which halves of the field move the pose, mm (mean displacement of the field
   /// of view), by patches almost without a ridge and by patches with one.
   std::optional<double> parts_mm;
   std::optional<double> ridge_parts_mm;
+  /// Those distances over the distances by which halves of mirrored ultrasound move its poses,
+  /// which are wrong: about 1 for a pose that is wrong as well (geometric mean of both kinds of
+  /// patches).
+  std::optional<double> parts_ratio;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.
   std::optional<double> wrong_probability;
@@ -69,16 +78,16 @@ std::map<std::string, double> by_name(const Measures& measures);
 /// The inverse of `by_name`. Throws InputError, naming `source`, for a name that is no measure.
 Measures measures_from(const std::map<std::string, double>& values, const std::string& source);
 
-/// What the evidence says about the three ways in which a pose can be wrong. Each is the
-/// probability that the pose is right as far as this kind of evidence can tell; they are
-/// multiplied, since a pose must pass all three, and strength in one does not make up for weakness
-/// in another.
+/// What the evidence says: for each of its three kinds, the probability that the pose is right as
+/// far as this kind can tell.
 struct RightProbability {
   double mirrors = 0.0;  // it is better than the mirrored ultrasound
-  double chance = 0.0;   // it is better than chance and than poses elsewhere
+  double chance = 0.0;   // it is better than poses elsewhere, which chance reaches
   double parts = 0.0;    // parts of the field agree about it
 
-  double all() const { return mirrors * chance * parts; }
+  /// All together. Chance and parts both ask whether the pose is a firm optimum, so that their odds
+  /// are multiplied. Mirrored ultrasound has firm optima as well: this probability is a factor.
+  double all() const;
 };
 
 /// Logistic functions of the measures, calibrated on equally many right and wrong poses
@@ -88,8 +97,8 @@ std::optional<RightProbability> right_probability(const Measures& measures);
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails
 /// its gate.
 struct GateLimits {
-  std::optional<double> min_overlap = 0.2;             // [0, 1]
-  std::optional<double> max_wrong_probability = 0.25;  // [0, 1]
+  std::optional<double> min_overlap = 0.2;            // [0, 1]
+  std::optional<double> max_wrong_probability = 0.2;  // [0, 1]
 
   /// No gate at all, for studies that ask for poses without a judgement.
   static GateLimits none() { return {std::nullopt, std::nullopt}; }

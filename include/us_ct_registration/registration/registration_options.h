@@ -41,8 +41,8 @@ struct LevelOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// A search goes on in further rounds while its best optimum is refused and no better than chance,
-/// or passes the gates without being sure.
+/// A search goes on in further rounds while its best optimum is refused, and is no better than
+/// chance or no firmer than a wrong pose.
 struct RoundOptions {
   /// Greatest number of rounds; [1, 6].
   int most = 2;
@@ -56,9 +56,6 @@ struct RoundOptions {
   /// and climbs straight at the deciding level: an optimum that only that level shows has a narrow
   /// peak, which is found if starts are dense; (0, 1].
   double near_share = 0.5;
-  /// A pose that passes the gates needs no further round if its wrong_probability is at most this;
-  /// otherwise another round must confirm that nothing better is near; [0, 1].
-  double sure = 0.05;
 
   void validate(const std::string& source) const;
 };
@@ -134,7 +131,7 @@ struct PartOptions {
 /// shows. docs/confidence.md says how they were calibrated.
 struct ErrorOptions {
   /// Factor on the standard deviation that the halves give; > 0.
-  double parts_factor = 1.0;
+  double parts_factor = 2.0;
   /// Error of the speed of sound, as a share of the depth; [0, 0.2].
   double sound_speed_share = 0.01;
   /// Time between images and poses of a tracked sweep, in frames; >= 0.

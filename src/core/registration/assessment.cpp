@@ -14,6 +14,9 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// Decoys whose halves move less than this are not compared with closer.
+constexpr double kLeastMotionMm = 0.5;
+
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t half = values.size() / 2;
@@ -35,10 +38,10 @@ std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
   return near.empty() ? field.us_mm() : near;
 }
 
-double median_distance_mm(const std::vector<Eigen::Isometry3d>& poses, const Candidate& from,
-                          const FieldPoints& field) {
+/// The median distance by which halves of the field move a pose.
+double motion_mm(const HalfPoses& halves, const MirroredPose& from, const FieldPoints& field) {
   std::vector<double> distances;
-  for (const Eigen::Isometry3d& pose : poses)
+  for (const Eigen::Isometry3d& pose : halves.all())
     distances.push_back(field.distance_mm(pose, from.T_us_ct));
   return median(distances);
 }
@@ -65,6 +68,31 @@ std::vector<Candidate> optima_around(const SearchProblem& problem, const Candida
 
 }  // namespace
 
+/// Compares poses with the best one patch by patch, by a similarity that did not choose it.
+class PatchComparison {
+ public:
+  PatchComparison(const ImagePyramid& images, const ConfidenceOptions& options,
+                  const Candidate& best)
+      : similarity_(make_similarity(*images.levels.back().images, options.similarity)),
+        cluster_mm_(options.cluster_mm) {
+    if (!similarity_) return;
+    centres_us_mm_ = similarity_->part_centres_us_mm();
+    best_ = similarity_->parts(best.pose());
+  }
+  bool is_possible() const { return !centres_us_mm_.empty(); }
+  /// Student's t of the best pose against a pose of the mirrored ultrasound.
+  double advantage_over(const Candidate& other, const Eigen::Isometry3d& T_mirror) const {
+    const MirroredSimilarity mirrored(*similarity_, T_mirror);
+    return paired_advantage(best_, mirrored.parts(other.pose()), centres_us_mm_, cluster_mm_);
+  }
+
+ private:
+  std::shared_ptr<const Similarity> similarity_;
+  double cluster_mm_;
+  std::vector<Vector3d> centres_us_mm_;
+  std::vector<double> best_;
+};
+
 bool may_be_missed(const Assessment& assessment) {
   const Measures& measures = assessment.measures;
   const std::optional<RightProbability> right = right_probability(measures);
@@ -73,7 +101,7 @@ bool may_be_missed(const Assessment& assessment) {
   constexpr double kMirrorSure = -4.0;
   if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
     return false;
-  return right->chance < 0.5;
+  return right->chance < 0.5 || right->parts < 0.5;
 }
 
 Outcome<Assessment> Assessor::assess(const std::vector<Candidate>& optima, const Candidate& refined,
@@ -111,8 +139,9 @@ Outcome<Assessment> Assessor::assess_as_patient(Assessment assessment, const Can
 Assessment Assessor::gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
                             const Candidate& refined, Assessment assessment, Run& run) {
   Measures& measures = assessment.measures;
-  compare_with_decoys(on, optima.front(), assessment, run);
-  compare_with_rivals(optima, measures);
+  const PatchComparison patches(on.images, options_.confidence, optima.front());
+  compare_with_decoys(on, optima.front(), patches, assessment, run);
+  compare_with_rivals(on, optima, patches, measures);
   compare_parts(on, refined, assessment, run);
   if (const std::optional<RightProbability> right = right_probability(measures))
     measures.wrong_probability = 1.0 - right->all();
@@ -120,11 +149,10 @@ Assessment Assessor::gather(const EvidenceImages& on, const std::vector<Candidat
 }
 
 void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& best,
-                                   Assessment& result, Run& run) {
-  const ConfidenceOptions& confidence = options_.confidence;
+                                   const PatchComparison& patches, Assessment& result, Run& run) {
   if (!decoys_)
     decoys_ = search_decoys(on.problem, best.T_us_ct, on.images.prepared.us->beams,
-                            confidence.decoys, run);
+                            options_.confidence.decoys, run);
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
@@ -132,48 +160,55 @@ void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& be
   result.best_mirror = (*decoys_)[static_cast<std::size_t>(highest - values.begin())].mirror;
   result.measures.mirror_ratio = times(best, *highest);
   result.measures.chance_ratio = times(best, median(values));
-  const std::shared_ptr<const Similarity> patches =
-      make_similarity(*on.images.levels.back().images, confidence.similarity);
-  if (!patches) return;
-  const std::vector<Vector3d> centres = patches->part_centres_us_mm();
-  if (centres.empty()) return;
-  const std::vector<double> parts = patches->parts(best.pose());
-  double least = std::numeric_limits<double>::infinity();
-  for (const Decoy& decoy : *decoys_) {
-    const MirroredSimilarity mirrored(*patches, decoy.T_mirror);
-    least = std::min(least, paired_advantage(parts, mirrored.parts(decoy.best.pose()), centres,
-                                             confidence.cluster_mm));
-  }
-  result.measures.mirror_advantage = least;
+  if (!patches.is_possible()) return;
+  std::vector<double> advantages;
+  for (const Decoy& decoy : *decoys_)
+    advantages.push_back(patches.advantage_over(decoy.best, decoy.T_mirror));
+  result.measures.mirror_advantage = *std::min_element(advantages.begin(), advantages.end());
+  result.measures.chance_advantage = median(advantages);
 }
 
-void Assessor::compare_with_rivals(const std::vector<Candidate>& optima, Measures& measures) const {
+void Assessor::compare_with_rivals(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                                   const PatchComparison& patches, Measures& measures) const {
+  constexpr std::size_t kRivals = 3;
   const Candidate& best = optima.front();
-  for (std::size_t i = 1; i < optima.size(); ++i) {
-    if (images_.prepared.field.distance_mm(optima[i].T_us_ct, best.T_us_ct) <=
-        options_.confidence.rival_mm)
-      continue;
-    measures.rival_ratio = times(best, optima[i].value);
-    return;
-  }
-  measures.rival_ratio = measures.chance_ratio;
+  std::vector<const Candidate*> rivals;
+  for (const Candidate& other : optima)
+    if (rivals.size() < kRivals && on.images.prepared.field.distance_mm(
+                                       other.T_us_ct, best.T_us_ct) > options_.confidence.rival_mm)
+      rivals.push_back(&other);
+  measures.rival_ratio = rivals.empty() ? measures.chance_ratio : times(best, rivals[0]->value);
+  measures.rival_advantage = measures.chance_advantage;
+  if (rivals.empty() || !patches.is_possible()) return;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Candidate* rival : rivals)
+    least = std::min(least, patches.advantage_over(*rival, Eigen::Isometry3d::Identity()));
+  measures.rival_advantage = least;
 }
 
 void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
                              Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
   const FieldPoints& field = on.images.prepared.field;
+  std::vector<MirroredPose> poses{{refined.T_us_ct, Eigen::Isometry3d::Identity()}};
+  for (const Decoy& decoy : *decoys_) poses.push_back({decoy.best.T_us_ct, decoy.T_mirror});
   std::vector<HalfPoses> halves;
-  const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& motion_mm) {
-    const std::optional<HalfPoses> poses = poses_of_halves(
-        *on.images.levels.back().images, similarity, confidence.parts, refined, field, run);
-    if (!poses) return;
-    motion_mm = median_distance_mm(poses->all(), refined, field);
-    halves.push_back(*poses);
+  double ratios = 1.0;
+  const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& moved_mm) {
+    const std::vector<HalfPoses> found = poses_of_halves(
+        *on.images.levels.back().images, similarity, confidence.parts, poses, field, run);
+    if (found.empty()) return;
+    moved_mm = motion_mm(found[0], poses[0], field);
+    halves.push_back(found[0]);
+    std::vector<double> decoys_mm;
+    for (std::size_t i = 1; i < poses.size(); ++i)
+      decoys_mm.push_back(motion_mm(found[i], poses[i], field));
+    if (!decoys_mm.empty()) ratios *= *moved_mm / std::max(median(decoys_mm), kLeastMotionMm);
   };
   measure(confidence.similarity, result.measures.parts_mm);
   measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
   if (halves.empty()) return;
+  if (halves.size() == 2 && poses.size() > 1) result.measures.parts_ratio = std::sqrt(ratios);
   const ErrorOptions& error = confidence.error;
   result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error);
   const double expected_mm =

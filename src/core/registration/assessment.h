@@ -18,9 +18,9 @@ struct Assessment {
   std::optional<Mirror> best_mirror;
 };
 
-/// Whether another round could find the right pose: nothing that was found is better than chance.
-/// Not if mirrored ultrasound fits so much better that it is the right one, or if a pose is better
-/// than chance and fails for another reason.
+/// Whether another round could find the right pose: the one that was found is no better than chance,
+/// or no firmer than a wrong one. Not if mirrored ultrasound fits so much better that it is the
+/// right one.
 bool may_be_missed(const Assessment& assessment);
 
 /// Images, and the search on them that the evidence is compared with. Both must outlive it.
@@ -28,6 +28,8 @@ struct EvidenceImages {
   const ImagePyramid& images;
   const SearchProblem& problem;
 };
+
+class PatchComparison;
 
 class Assessor {
  public:
@@ -47,9 +49,10 @@ class Assessor {
   Outcome<Assessment> assess_as_patient(Assessment assessment, const Candidate& refined, Run& run);
   Assessment gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
                     const Candidate& refined, Assessment assessment, Run& run);
-  void compare_with_decoys(const EvidenceImages& on, const Candidate& best, Assessment& result,
-                           Run& run);
-  void compare_with_rivals(const std::vector<Candidate>& optima, Measures& measures) const;
+  void compare_with_decoys(const EvidenceImages& on, const Candidate& best,
+                           const PatchComparison& patches, Assessment& result, Run& run);
+  void compare_with_rivals(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                           const PatchComparison& patches, Measures& measures) const;
   void compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
                      Run& run) const;
 

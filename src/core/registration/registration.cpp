@@ -11,13 +11,6 @@ namespace {
 
 using namespace registration;
 
-/// Whether a pose that passed the gates needs no further round. Where no evidence is asked for,
-/// there is none to wait for.
-bool is_sure(const Assessment& assessment, const RegistrationOptions& options) {
-  const std::optional<double>& wrong = assessment.measures.wrong_probability;
-  return !wrong || *wrong <= options.search.rounds.sure;
-}
-
 /// The pipeline prepares the images once; each round then searches, refines, assesses and judges,
 /// until the pose passes the gates, or the evidence says that another round would not help.
 Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolume& ct,
@@ -45,8 +38,7 @@ Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolum
     const std::optional<GateFailure> failure =
         judge(assessment->measures, options.confidence.gates);
     run.report(0.2 + 0.8 * (round + 1) / options.search.rounds.most);
-    const bool goes_on = failure ? may_be_missed(*assessment) : !is_sure(*assessment, options);
-    if (!goes_on || round + 1 == options.search.rounds.most)
+    if (!failure || !may_be_missed(*assessment) || round + 1 == options.search.rounds.most)
       return result_of(optima, *refined, *assessment, failure);
   }
 }

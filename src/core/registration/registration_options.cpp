@@ -101,7 +101,6 @@ void RoundOptions::validate(const std::string& source) const {
   require_within(source, "breadth", breadth, 1, 64);
   require_within(source, "deciding_breadth", deciding_breadth, 1, 64);
   require(near_share > 0.0 && near_share <= 1.0, source, "near_share", near_share, "within (0, 1]");
-  require_within(source, "sure", sure, 0.0, 1.0);
 }
 
 void SearchOptions::validate(const std::string& source) const {

@@ -186,13 +186,12 @@ inline void randomise(LevelOptions& o) {
   o.kept = any_int(1, o.optimised + 1);
 }
 inline void randomise(RoundOptions& o) {
-  auto& [most, growth, breadth, deciding_breadth, near_share, sure] = o;
+  auto& [most, growth, breadth, deciding_breadth, near_share] = o;
   most = any_int(1, 7);
   growth = any_int(1, 17);
   breadth = any_int(1, 65);
   deciding_breadth = any_int(1, 65);
   near_share = between(0.01, 1);
-  sure = between(0, 1);
 }
 inline void randomise(SearchOptions& o) {
   auto& [starts, levels, rounds, distinct_mm, most_optima, margin_mm, most_turn_rad] = o;

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -21,10 +21,14 @@ struct Evidence {
 };
 const std::vector<Evidence>& evidence() {
   static const std::vector<Evidence> all = {
-      {&Measures::displacement_mm, false, 0.0, 120.0}, {&Measures::mirror_ratio, true, 0.1, 5.0},
-      {&Measures::mirror_advantage, true, -9.0, 9.0},  {&Measures::chance_ratio, true, 0.1, 5.0},
-      {&Measures::rival_ratio, true, 0.1, 5.0},        {&Measures::parts_mm, false, 0.01, 40.0},
+      {&Measures::displacement_mm, false, 0.0, 120.0},
+      {&Measures::mirror_ratio, true, 0.1, 5.0},
+      {&Measures::mirror_advantage, true, -9.0, 9.0},
+      {&Measures::rival_ratio, true, 0.1, 5.0},
+      {&Measures::parts_mm, false, 0.01, 40.0},
       {&Measures::ridge_parts_mm, false, 0.01, 40.0},
+      {&Measures::parts_ratio, false, 0.01, 5.0},
+      {&Measures::rival_advantage, true, -9.0, 9.0},
   };
   return all;
 }
@@ -35,11 +39,14 @@ Measures any_measures() {
   return measures;
 }
 
-RC_GTEST_PROP(RightProbability, IsTheProductOfThreeProbabilities, ()) {
+double odds(double probability) { return probability / (1.0 - probability); }
+
+RC_GTEST_PROP(RightProbability, MultipliesTheOddsOfChanceAndPartsByTheProbabilityOfMirrors, ()) {
   const RightProbability right = right_probability(any_measures()).value();
   for (const double each : {right.mirrors, right.chance, right.parts, right.all()})
     RC_ASSERT(each >= 0.0 && each <= 1.0);
-  RC_ASSERT(right.all() == right.mirrors * right.chance * right.parts);
+  const double both = odds(right.chance) * odds(right.parts);
+  RC_ASSERT(std::abs(right.all() - right.mirrors * both / (1.0 + both)) < 1e-9);
 }
 
 RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
@@ -60,9 +67,11 @@ RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
 Measures middling() {
   Measures measures;
   measures.displacement_mm = 50.0;
-  measures.mirror_ratio = measures.chance_ratio = measures.rival_ratio = 1.4;
+  measures.mirror_ratio = measures.rival_ratio = 1.4;
   measures.mirror_advantage = 1.0;
+  measures.rival_advantage = 3.0;
   measures.parts_mm = measures.ridge_parts_mm = 2.0;
+  measures.parts_ratio = 0.7;
   return measures;
 }
 
@@ -96,11 +105,6 @@ TEST(RightProbability, OtherMeasuresAreNoEvidence) {
   EXPECT_EQ(right_probability(measures)->all(), before);
 }
 
-RC_GTEST_PROP(RightProbability, IsAtMostThatOfTheWeakestKind, ()) {
-  const RightProbability right = right_probability(any_measures()).value();
-  RC_ASSERT(right.all() <= std::min({right.mirrors, right.chance, right.parts}));
-}
-
 /// Whether the gates accept measures of this evidence.
 bool is_accepted(Measures measures) {
   measures.overlap = 1.0;
@@ -111,9 +115,9 @@ bool is_accepted(Measures measures) {
 /// Strong evidence of one kind does not make up for weak evidence of another.
 TEST(RightProbability, EachKindRefusesAlone) {
   Measures strong = middling();
-  strong.mirror_ratio = strong.chance_ratio = strong.rival_ratio = 5.0;
-  strong.mirror_advantage = 9.0;
-  strong.parts_mm = strong.ridge_parts_mm = 0.1;
+  strong.mirror_ratio = strong.rival_ratio = 5.0;
+  strong.mirror_advantage = strong.rival_advantage = 9.0;
+  strong.parts_mm = strong.ridge_parts_mm = strong.parts_ratio = 0.1;
   strong.displacement_mm = 0.0;
   EXPECT_TRUE(is_accepted(strong));
   Measures mirrored = strong;
@@ -121,10 +125,12 @@ TEST(RightProbability, EachKindRefusesAlone) {
   mirrored.mirror_advantage = -3.0;
   EXPECT_FALSE(is_accepted(mirrored));
   Measures by_chance = strong;
-  by_chance.chance_ratio = by_chance.rival_ratio = 1.0;
+  by_chance.rival_ratio = 1.0;
+  by_chance.rival_advantage = 0.5;
   EXPECT_FALSE(is_accepted(by_chance));
   Measures torn = strong;
   torn.parts_mm = torn.ridge_parts_mm = 10.0;
+  torn.parts_ratio = 1.1;
   EXPECT_FALSE(is_accepted(torn));
 }
 
@@ -135,9 +141,10 @@ TEST(RightProbability, AFarPoseNeedsStrongerEvidence) {
   const double near = right_probability(measures)->all();
   measures.displacement_mm = 80.0;
   EXPECT_LT(right_probability(measures)->all(), 0.5 * near);
-  measures.mirror_ratio = measures.chance_ratio = measures.rival_ratio = 3.0;
-  measures.mirror_advantage = 6.0;
+  measures.mirror_ratio = measures.rival_ratio = 3.0;
+  measures.mirror_advantage = measures.rival_advantage = 6.0;
   measures.parts_mm = measures.ridge_parts_mm = 0.5;
+  measures.parts_ratio = 0.3;
   EXPECT_GT(right_probability(measures)->all(), 0.9);
 }
 

@@ -183,7 +183,6 @@ void describe(Fields& fields, RoundOptions& o) {
   fields("breadth", o.breadth);
   fields("deciding_breadth", o.deciding_breadth);
   fields("near_share", o.near_share);
-  fields("sure", o.sure);
 }
 
 template <typename Fields>
