@@ -98,7 +98,7 @@ std::optional<RightProbability> right_probability(const Measures& measures);
 /// its gate.
 struct GateLimits {
   std::optional<double> min_overlap = 0.2;            // [0, 1]
-  std::optional<double> max_wrong_probability = 0.2;  // [0, 1]
+  std::optional<double> max_wrong_probability = 0.3;  // [0, 1]
 
   /// No gate at all, for studies that ask for poses without a judgement.
   static GateLimits none() { return {std::nullopt, std::nullopt}; }
