@@ -131,7 +131,7 @@ struct PartOptions {
 /// shows. docs/confidence.md says how they were calibrated.
 struct ErrorOptions {
   /// Factor on the standard deviation that the halves give; > 0.
-  double parts_factor = 2.0;
+  double parts_factor = 1.0;
   /// Error of the speed of sound, as a share of the depth; [0, 0.2].
   double sound_speed_share = 0.01;
   /// Time between images and poses of a tracked sweep, in frames; >= 0.
@@ -139,7 +139,7 @@ struct ErrorOptions {
   /// Shift by all other errors, root mean square, mm; >= 0.
   double other_mm = 0.3;
   /// The 90 % bound over the expected error; > 0.
-  double bound_factor = 1.5;
+  double bound_factor = 1.25;
   /// The expected error is that of points within this distance of the middle of the field, mm; > 0.
   double target_radius_mm = 30.0;
 
