@@ -90,7 +90,7 @@ void Registrar::collect(const RegistrationRequest& request, Inputs& inputs) {
 
 void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs) const {
   const std::optional<InitialAlignment> known =
-      alignments_.choose(request.initial, *inputs.us, inputs.ct->header.frame_id);
+      alignments_.choose(request.initial, *inputs.us, *inputs.ct);
   if (known) {
     inputs.start = *known;
     return;

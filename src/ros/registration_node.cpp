@@ -1,5 +1,6 @@
 #include "ros/registration_node.h"
 
+#include <algorithm>
 #include <future>
 #include <memory>
 #include <optional>
@@ -17,6 +18,12 @@ using Status = msg::StatusCode;
 /// A service call that waits for its registration blocks one thread; the others receive cancels and
 /// volumes.
 constexpr unsigned kCallbackThreads = 4;
+
+/// Simulated time may jump back, and begins anew with each bag.
+std::uint64_t wall_time_ms() {
+  constexpr std::uint64_t kNsPerMs = 1'000'000;
+  return ::ros::WallTime::now().toNSec() / kNsPerMs;
+}
 
 ::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueue& queue) {
   node.setCallbackQueue(&queue);
@@ -39,7 +46,12 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
       tf_listener_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
-      volumes_(frame_, parameters_.volumes, [this] { jobs_.wake(); }),
+      ct_publisher_(node_.advertise<msg::CtInfo>("registration/ct", 1, true)),
+      volumes_(frame_, parameters_.volumes,
+               [this] {
+                 announce_ct();
+                 jobs_.wake();
+               }),
       registrar_(parameters_.registrar, volumes_, alignments_, frame_, parameters_.source),
       result_publisher_(node_.advertise<Result>("registration/result", 1, true)),
       action_(
@@ -81,6 +93,8 @@ void RegistrationNode::subscribe() {
   register_service_ = node_.advertiseService("register", &RegistrationNode::on_register, this);
   set_service_ = node_.advertiseService("registration/set_initial_alignment",
                                         &RegistrationNode::on_set_initial_alignment, this);
+  cancel_service_ =
+      node_.advertiseService("registration/cancel", &RegistrationNode::on_cancel_request, this);
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ct() {
@@ -120,12 +134,19 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
   const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
     response.residual = alignments_.set(
-        request, ::ros::Time::now(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
+        request, wall_time_ms(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
   }
+  return true;
+}
+
+bool RegistrationNode::on_cancel_request(msg::Cancel::Request&, msg::Cancel::Response& response) {
+  const std::optional<std::string> cancelled = jobs_.cancel_request();
+  response.status = cancelled ? status(Status::OK, *cancelled + " is cancelled")
+                              : status(Status::NOT_RUNNING, "no requested registration is running");
   return true;
 }
 
@@ -190,9 +211,36 @@ void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& resul
 }
 
 void RegistrationNode::publish(Result& result, bool continuous) {
-  result.id = ++last_id_;
+  // The clock may have been set back.
+  result.id = last_id_ = std::max(last_id_ + 1, wall_time_ms());
+  if (result.status.code == Status::REGISTERED) result.status.message += next_step(result);
   statistics_.count(result, continuous, ::ros::Time::now());
+  ROS_INFO("result %lu, %s, ultrasound of %s s, CT revision %u, start %s, %.2f s: %s", result.id,
+           code_name(result.status.code).c_str(), seconds_text(result.us_stamp).c_str(),
+           result.ct_revision,
+           result.initial_alignment.empty() ? "none" : result.initial_alignment.c_str(),
+           result.durations.back().value, result.status.message.c_str());
   result_publisher_.publish(result);
+}
+
+std::string RegistrationNode::next_step(const Result& result) const {
+  const std::string policy = alignments_.policy();
+  const std::string accept = node_.resolveName("registration/accept");
+  if (policy.empty())
+    return "; it is not broadcast, for no tf_publisher was heard on '" +
+           node_.resolveName("registration/alignment") + "'";
+  if (policy == "auto") return "; tf_publisher accepts it by itself";
+  return "; it waits until a person accepts it: rosservice call " + accept + " " +
+         std::to_string(result.id);
+}
+
+void RegistrationNode::announce_ct() {
+  const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
+  if (!ct || (announced_ct_.revision == ct->revision && announced_ct_.crc32 == ct->crc32)) return;
+  announced_ct_.header = ct->header;
+  announced_ct_.revision = ct->revision;
+  announced_ct_.crc32 = ct->crc32;
+  ct_publisher_.publish(announced_ct_);
 }
 
 void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {

@@ -30,11 +30,11 @@ std::optional<FramedAlignment> read_initial_alignment(Parameters& parameters,
                                                       const ::ros::NodeHandle& node) {
   const std::string frame = parameters.text("initial_alignment/frame", "");
   const std::vector<double> t_m = three_numbers(parameters, "initial_alignment/translation");
-  const std::vector<double> r_deg = three_numbers(parameters, "initial_alignment/rotation");
+  const std::vector<double> r_deg = three_numbers(parameters, "initial_alignment/rotation_deg");
   if (frame.empty()) {
     if (t_m != std::vector<double>(3, 0.0) || r_deg != std::vector<double>(3, 0.0))
       throw InputError(node.resolveName("initial_alignment/frame"),
-                       "is empty, must be set with a translation or rotation");
+                       "is empty, must be set with a translation or rotation_deg");
     return std::nullopt;
   }
   FramedAlignment alignment;

@@ -96,7 +96,7 @@ void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
 }
 
 void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
-  Placement placement{message->header.frame_id, std::nullopt};
+  Placement placement{message->header.frame_id, std::nullopt, message->ct_crc32};
   try {
     placement.T_fixed_ct = T_fixed_ct_from(*message);
   } catch (const InputError& error) {
@@ -139,7 +139,7 @@ void UsCloud::show_aligned() {
         placed(*surface_, placement_->fixed_frame, placement_->T_fixed_ct, surface_alpha_));
   if (!shown_) return;
   std::vector<CloudPoint> points;
-  if (ct_ && placement_ && placement_->T_fixed_ct &&
+  if (ct_ && placement_ && placement_->T_fixed_ct && placement_->ct_crc32 == ct_crc32_ &&
       placement_->fixed_frame == shown_->header.frame_id)
     points = ct_at(shown_->fans, *ct_, placement_->T_fixed_ct->inverse());
   ct_publisher_.publish(to_message(points, shown_->header));

@@ -47,6 +47,7 @@ class UsCloud {
   struct Placement {
     std::string fixed_frame;
     std::optional<Eigen::Isometry3d> T_fixed_ct;
+    std::uint32_t ct_crc32 = 0;
   };
 
   void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);

@@ -165,7 +165,7 @@ class System:
 
     def start_nodes(self, *arguments):
         self.start("nodes", "roslaunch", PACKAGE, "registration.launch", "fixed_frame:=patient", "policy:=auto",
-                   "preset:=phantom", "respawn:=true", f"ct:={self.acquisition.ct}",
+                   "preset:=phantom", "respawn:=true", "restore:=same_ct", f"ct:={self.acquisition.ct}",
                    f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
 
     def play(self, pose):
