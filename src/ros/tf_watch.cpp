@@ -1,9 +1,11 @@
 #include "ros/tf_watch.h"
 
+#include <utility>
+
 namespace usct::ros_interface {
 namespace {
 
-/// Number of own transforms that are remembered: some seconds at the highest rate.
+/// Least number of own transforms that are remembered: some seconds at the highest rate.
 constexpr std::size_t kRemembered = 4096;
 
 /// tf takes a name with and without a leading slash for the same frame.
@@ -15,19 +17,28 @@ std::string frame_name(const std::string& name) {
 
 void TfWatch::sent(const geometry_msgs::TransformStamped& transform) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  // Time may have jumped back; then the oldest stamps are not the smallest.
-  if (sent_.size() >= kRemembered) sent_.clear();
+  if (sent_.size() >= kRemembered) {
+    sent_before_ = std::move(sent_);
+    sent_.clear();
+  }
   sent_[transform.header.stamp] = transform;
+}
+
+bool TfWatch::is_own(const geometry_msgs::TransformStamped& transform) const {
+  for (const Sent* sent : {&sent_, &sent_before_}) {
+    const auto own = sent->find(transform.header.stamp);
+    if (own != sent->end() && own->second.header.frame_id == transform.header.frame_id &&
+        own->second.child_frame_id == transform.child_frame_id &&
+        own->second.transform == transform.transform)
+      return true;
+  }
+  return false;
 }
 
 void TfWatch::heard(const geometry_msgs::TransformStamped& transform, const std::string& publisher,
                     bool is_static, Clock::time_point now) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const auto own = sent_.find(transform.header.stamp);
-  if (own != sent_.end() && own->second.header.frame_id == transform.header.frame_id &&
-      own->second.child_frame_id == transform.child_frame_id &&
-      own->second.transform == transform.transform)
-    return;
+  if (is_own(transform)) return;
   heard_[frame_name(transform.child_frame_id)] = {frame_name(transform.header.frame_id), publisher,
                                                   is_static, now};
 }

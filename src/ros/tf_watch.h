@@ -44,11 +44,18 @@ class TfWatch {
     Clock::time_point when;
   };
 
+  /// By stamp.
+  using Sent = std::map<::ros::Time, geometry_msgs::TransformStamped>;
+
+  bool is_own(const geometry_msgs::TransformStamped& transform) const;
   const Heard* find(const std::string& child, Clock::time_point now) const;
 
   mutable std::mutex mutex_;
-  std::map<::ros::Time, geometry_msgs::TransformStamped> sent_;  // by stamp
-  std::map<std::string, Heard> heard_;                           // by child frame
+  // The last transforms that were sent, and those before. The older ones are dropped all at once,
+  // because after a jump of time the stamps do not say which are older.
+  Sent sent_;
+  Sent sent_before_;
+  std::map<std::string, Heard> heard_;  // by child frame
 };
 
 }  // namespace usct::ros_interface

@@ -218,7 +218,7 @@ class TestReplay(unittest.TestCase):
             self.system.client("moved_away", 99)
             self.ct_in_tf()
 
-    def test_all_nodelets_in_one_process(self):
+    def test_nodelets_in_one_process(self):
         self.system.start_master()
         self.system.start_nodes("nodelet:=true")
         self.system.client("ready")

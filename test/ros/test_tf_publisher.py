@@ -162,15 +162,15 @@ class TfPublisher(TfPublisherCase):
         self.result(3, 0.5)
         self.wait_state(Alignment.ACCEPTED, 3)
 
-    def test_restart_that_waits_for_a_person(self):
-        process = self.start_publisher(policy="confirm", alignment_file=self.file)
+    def check_restart_that_waits_for_a_person(self, **parameters):
+        process = self.start_publisher(policy="confirm", alignment_file=self.file, **parameters)
         self.hold_ct(CT_CRC32)
         self.result(1, 0.25)
         self.wait_waiting(1)
         self.assertEqual(self.decide("accept").code, StatusCode.OK)
         process.kill()
         # This is the default, also if results are accepted without a person.
-        process = self.start_publisher(policy="auto", alignment_file=self.file)
+        process = self.start_publisher(policy="auto", alignment_file=self.file, **parameters)
         self.alignment.wait(lambda m: m.message.endswith("waits for accept"), "it to wait")
         time.sleep(0.5)  # the CT's latched summary arrives meanwhile
         self.assertEqual(self.alignment.message.state, Alignment.NONE)
@@ -179,10 +179,16 @@ class TfPublisher(TfPublisherCase):
         self.wait_tf(0.25)
         process.kill()
         # An old alignment is not offered at all.
-        process = self.start_publisher(alignment_file=self.file, restore="same_ct", restore_max_age=0.1)
+        process = self.start_publisher(alignment_file=self.file, restore="same_ct", restore_max_age=0.1, **parameters)
         self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
         self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
         self.assertIn("must be at most restore_max_age", process.log())
+
+    def test_restart_that_waits_for_a_person(self):
+        self.check_restart_that_waits_for_a_person()
+
+    def test_restart_that_waits_for_a_person_as_nodelet(self):
+        self.check_restart_that_waits_for_a_person(as_nodelet=True)
 
     def test_damaged_file(self):
         process = self.start_publisher(policy="auto", alignment_file=self.file)

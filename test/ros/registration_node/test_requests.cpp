@@ -146,8 +146,9 @@ TEST(Registration, SaysWhatToDoNextAndLogsOneLine) {
     });
     EXPECT_EQ(result.status.code, Status::REGISTERED);
     const std::string id = std::to_string(result.id);
-    if (policy == std::string("confirm"))
+    if (policy == std::string("confirm")) {
       EXPECT_THAT(result.status.message, HasSubstr("accept " + id));
+    }
     EXPECT_TRUE(eventually([&] {
       const std::lock_guard<std::mutex> lock(mutex);
       return std::count_if(lines.begin(), lines.end(), [&](const std::string& line) {

@@ -41,6 +41,20 @@ TEST(TfWatch, AnotherPublisherIsAConflictAlsoWithinTheSameProcess) {
       AllOf(HasSubstr("node 'manager'"), HasSubstr("'base' -> 'ct'"), HasSubstr("as well")));
 }
 
+TEST(TfWatch, OwnTransformsAreKnownHoweverManyThereAre) {
+  TfWatch watch;
+  geometry_msgs::TransformStamped last;
+  for (int i = 0; i < 20'000; ++i) {
+    geometry_msgs::TransformStamped next = transform("base", "ct");
+    next.header.stamp = ::ros::Time(10.0 + 0.05 * i);
+    watch.sent(next);
+    // A transform arrives after the next one was sent.
+    if (i > 0) watch.heard(last, "tf_publisher", false, kNow);
+    last = next;
+    ASSERT_EQ(watch.conflict("base", "ct", kNow), "") << i;
+  }
+}
+
 TEST(TfWatch, ASecondParentIsAConflictAlsoWithALeadingSlash) {
   TfWatch watch;
   watch.heard(transform("/table", "/ct"), "other", false, kNow);
