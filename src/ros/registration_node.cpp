@@ -18,11 +18,6 @@ using Status = msg::StatusCode;
 /// volumes.
 constexpr unsigned kCallbackThreads = 4;
 
-::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueue& queue) {
-  node.setCallbackQueue(&queue);
-  return node;
-}
-
 template <typename Message>
 ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
   return {node.resolveName(topic), ::ros::message_traits::datatype<Message>(),
@@ -33,10 +28,10 @@ ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
 
 RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
                                    const ::ros::NodeHandle& private_node)
-    : node_(with_queue(node, queue_)),
+    : node_(with_queue(node, guarded_)),
       parameters_(read_registration_parameters(private_node)),
       tf_(::ros::Duration(parameters_.tf_history_s)),
-      tf_listener_(tf_, node),
+      tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
       volumes_(frame_, parameters_.volumes, [this] { jobs_.wake(); }),
@@ -84,15 +79,18 @@ void RegistrationNode::subscribe() {
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ct() {
-  return node_.subscribe<msg::CtVolume>(
-      "ct/volume", 1,
-      [this](const msg::CtVolume::ConstPtr& message) { volumes_.arrived(message); });
+  return node_.subscribe<msg::CtVolume>("ct/volume", 1,
+                                        [this](const msg::CtVolume::ConstPtr& message) {
+                                          volumes_.arrived(message, ::ros::Time::now());
+                                        });
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ultrasound() {
   return node_.subscribe<msg::PreScanVolume>(
       "us/volume", static_cast<std::uint32_t>(parameters_.volumes.ultrasound_volumes),
-      [this](const msg::PreScanVolume::ConstPtr& message) { volumes_.arrived(message); });
+      [this](const msg::PreScanVolume::ConstPtr& message) {
+        volumes_.arrived(message, ::ros::Time::now());
+      });
 }
 
 bool RegistrationNode::reserve(const std::string& name, Result& busy) {
@@ -125,6 +123,8 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
+  } catch (const std::exception& error) {
+    response.status = status(Status::FAILED, error.what());
   }
   return true;
 }
@@ -168,11 +168,21 @@ void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {
 
 RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
   Result result = registrar_.run(job.request);
+  try {
+    finish(job, result);
+  } catch (const std::exception& error) {
+    log_escaped("a registration", error);
+    result = Result();
+    result.status = status(Status::FAILED, error.what());
+  }
+  return result;
+}
+
+void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
   if (!job.is_continuous()) explain_nothing(job, result);
   // A request cancels a continuous registration, for whose result no caller waits.
   if (!job.is_continuous() || result.status.code != Status::CANCELLED)
     publish(result, job.is_continuous());
-  return result;
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
@@ -196,6 +206,7 @@ void RegistrationNode::publish(Result& result, bool continuous) {
 }
 
 void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  volumes_.notice_time(::ros::Time::now());
   statistics_.describe(volumes_.state(), jobs_.running(), ::ros::Time::now(), diagnosis);
 }
 

@@ -28,13 +28,14 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
     : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
   Parameters parameters(private_node);
   AlignmentDecisions::Options options;
-  options.fixed_frame = parameters.text("fixed_frame", "");
+  options.fixed_frame = parameters.frame("fixed_frame", "");
   options.accept_at_once = parameters.choice("policy", "confirm", {"auto", "confirm"}) == "auto";
   options.restore_at_once =
       parameters.choice("restore", "same_ct", {"same_ct", "confirm"}) == "same_ct";
   alignment_file_ = parameters.text("alignment_file", "");
   const double rate_hz = parameters.number("rate", 20.0, 1.0, 1000.0);
   const double tolerance_s = parameters.number("transform_tolerance", 0.2, 0.0, 10.0);
+  const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   if (tolerance_s * rate_hz < 1.0)
     throw InputError(private_node.resolveName("transform_tolerance"),
@@ -70,7 +71,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   still_clock_timer_ = node_.createWallTimer(::ros::WallDuration(1.0),
                                              [this](const ::ros::WallTimerEvent&) { broadcast(); });
   diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(1.0),
+      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
                             [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
 }
 
@@ -192,8 +193,9 @@ void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosi
   diagnosis.add("CT frame", alignment.ct_frame);
   if (state.broadcast) {
     const ::ros::Time now = ::ros::Time::now();
-    diagnosis.add("age of the ultrasound (s)", (now - time_from(alignment.us_stamp_ns)).toSec());
-    diagnosis.add("accepted since (s)", (now - time_from(alignment.accepted_ns)).toSec());
+    diagnosis.add("age of the ultrasound (s)",
+                  seconds_between(time_from(alignment.us_stamp_ns), now));
+    diagnosis.add("accepted since (s)", seconds_between(time_from(alignment.accepted_ns), now));
     diagnosis.add("expected error (mm)", 1000.0 * alignment.expected_error_m);
   }
   diagnosis.add("result", alignment.result_id);
