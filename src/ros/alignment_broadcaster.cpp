@@ -23,8 +23,10 @@ bool same_transform(const std::optional<Alignment>& a, const std::optional<Align
 
 AlignmentBroadcaster::AlignmentBroadcaster(const ::ros::NodeHandle& node, const Options& options,
                                            TfWatch& watch)
-    : watch_(watch), tolerance_(options.tolerance_s), node_(node), spinner_(1, &queue_) {
-  node_.setCallbackQueue(&queue_);
+    : watch_(watch),
+      tolerance_(options.tolerance_s),
+      node_(with_queue(node, guarded_)),
+      spinner_(1, &queue_) {
   timer_ = node_.createTimer(::ros::Duration(1.0 / options.rate_hz),
                              [this](const ::ros::TimerEvent&) { broadcast(false); });
   // The timer above follows simulated time, which stands still once a bag has ended. Late

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <optional>
 
+#include "ros/guarded_queue.h"
 #include "ros/tf_watch.h"
 #include "us_ct_registration/registration/alignment_decisions.h"
 
@@ -52,6 +53,7 @@ class AlignmentBroadcaster {
   ::ros::Time clock_at_check_;
 
   ::ros::CallbackQueue queue_;
+  GuardedQueue guarded_{queue_};
   ::ros::NodeHandle node_;
   tf2_ros::TransformBroadcaster broadcaster_;
   ::ros::Timer timer_;

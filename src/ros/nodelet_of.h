@@ -7,6 +7,8 @@
 #include <exception>
 #include <memory>
 
+#include "ros/guarded_queue.h"
+
 namespace usct::ros_interface {
 
 /// A node class as a nodelet: volumes pass to other nodelets of the same manager by pointer. If the
@@ -18,12 +20,9 @@ namespace usct::ros_interface {
 template <class Node>
 class NodeletOf : public nodelet::Nodelet {
   void onInit() override {
-    ::ros::NodeHandle node = getNodeHandle();
-    ::ros::NodeHandle private_node = getPrivateNodeHandle();
-    node.setCallbackQueue(&queue_);
-    private_node.setCallbackQueue(&queue_);
     try {
-      node_ = std::make_unique<Node>(node, private_node);
+      node_ = std::make_unique<Node>(with_queue(getNodeHandle(), guarded_),
+                                     with_queue(getPrivateNodeHandle(), guarded_));
     } catch (const std::exception& error) {
       NODELET_FATAL("%s", error.what());
       throw;
@@ -34,6 +33,7 @@ class NodeletOf : public nodelet::Nodelet {
   }
 
   ::ros::CallbackQueue queue_;
+  GuardedQueue guarded_{queue_};
   std::unique_ptr<Node> node_;
   // Last: it is destroyed first, and then no callback of the node runs any more.
   std::unique_ptr<::ros::AsyncSpinner> spinner_;

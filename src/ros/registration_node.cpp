@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "ros/conversions/times.h"
 #include "ros/publisher_check.h"
 #include "ros/refusal.h"
 #include "ros/status.h"
@@ -25,11 +26,6 @@ std::uint64_t wall_time_ms() {
   return ::ros::WallTime::now().toNSec() / kNsPerMs;
 }
 
-::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueue& queue) {
-  node.setCallbackQueue(&queue);
-  return node;
-}
-
 template <typename Message>
 ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
   return {node.resolveName(topic), ::ros::message_traits::datatype<Message>(),
@@ -40,10 +36,10 @@ ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
 
 RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
                                    const ::ros::NodeHandle& private_node)
-    : node_(with_queue(node, queue_)),
+    : node_(with_queue(node, guarded_)),
       parameters_(read_registration_parameters(private_node)),
       tf_(::ros::Duration(parameters_.tf_history_s)),
-      tf_listener_(tf_, node),
+      tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
       ct_publisher_(node_.advertise<msg::CtInfo>("registration/ct", 1, true)),
@@ -98,15 +94,18 @@ void RegistrationNode::subscribe() {
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ct() {
-  return node_.subscribe<msg::CtVolume>(
-      "ct/volume", 1,
-      [this](const msg::CtVolume::ConstPtr& message) { volumes_.arrived(message); });
+  return node_.subscribe<msg::CtVolume>("ct/volume", 1,
+                                        [this](const msg::CtVolume::ConstPtr& message) {
+                                          volumes_.arrived(message, ::ros::Time::now());
+                                        });
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ultrasound() {
   return node_.subscribe<msg::PreScanVolume>(
       "us/volume", static_cast<std::uint32_t>(parameters_.volumes.ultrasound_volumes),
-      [this](const msg::PreScanVolume::ConstPtr& message) { volumes_.arrived(message); });
+      [this](const msg::PreScanVolume::ConstPtr& message) {
+        volumes_.arrived(message, ::ros::Time::now());
+      });
 }
 
 bool RegistrationNode::reserve(const std::string& name, Result& busy) {
@@ -139,6 +138,8 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
+  } catch (const std::exception& error) {
+    response.status = status(Status::FAILED, error.what());
   }
   return true;
 }
@@ -189,11 +190,21 @@ void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {
 
 RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
   Result result = registrar_.run(job.request);
+  try {
+    finish(job, result);
+  } catch (const std::exception& error) {
+    log_escaped("a registration", error);
+    result = Result();
+    result.status = status(Status::FAILED, error.what());
+  }
+  return result;
+}
+
+void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
   if (!job.is_continuous()) explain_nothing(job, result);
   // A request cancels a continuous registration, for whose result no caller waits.
   if (!job.is_continuous() || result.status.code != Status::CANCELLED)
     publish(result, job.is_continuous());
-  return result;
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
@@ -244,6 +255,7 @@ void RegistrationNode::announce_ct() {
 }
 
 void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  volumes_.notice_time(::ros::Time::now());
   statistics_.describe(volumes_.state(), jobs_.running(), ::ros::Time::now(), diagnosis);
 }
 

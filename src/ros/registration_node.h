@@ -4,7 +4,7 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
-#include <tf2_ros/transform_listener.h>
+#include <tf2/buffer_core.h>
 #include <us_ct_registration/Cancel.h>
 #include <us_ct_registration/CtInfo.h>
 #include <us_ct_registration/Register.h>
@@ -13,11 +13,13 @@
 #include <cstdint>
 #include <string>
 
+#include "ros/guarded_queue.h"
 #include "ros/registrar.h"
 #include "ros/registration_parameters.h"
 #include "ros/registration_queue.h"
 #include "ros/registration_statistics.h"
 #include "ros/registration_worker.h"
+#include "ros/tf_input.h"
 
 namespace usct::ros_interface {
 
@@ -55,7 +57,10 @@ class RegistrationNode {
   bool reserve(const std::string& name, Result& busy);
   /// Settings and callbacks of the worker.
   RegistrationWorker::Work work();
+  /// Never throws.
   Result run(RegistrationJob& job);
+  /// Completes the result of a registration, counts and publishes it.
+  void finish(const RegistrationJob& job, Result& result);
   /// Adds to a refusal for lack of a volume the reason why no volume has arrived.
   void explain_nothing(const RegistrationJob& job, Result& result);
   /// Gives the result its number, and publishes, counts and logs it.
@@ -67,10 +72,11 @@ class RegistrationNode {
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ::ros::CallbackQueue queue_;
+  GuardedQueue guarded_{queue_};
   ::ros::NodeHandle node_;
   const RegistrationParameters parameters_;
   tf2::BufferCore tf_;
-  tf2_ros::TransformListener tf_listener_;
+  TfInput tf_input_;
   FixedFrame frame_;
   InitialAlignments alignments_;
   RegistrationStatistics statistics_;

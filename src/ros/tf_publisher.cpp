@@ -7,7 +7,6 @@
 
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/times.h"
-#include "ros/fixed_frame.h"
 #include "ros/parameters.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -40,7 +39,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   constexpr double kLongestAgeS = 7.0 * 24.0 * 3600.0;
   Parameters parameters(private_node);
   AlignmentDecisions::Options options;
-  options.fixed_frame = parameters.text("fixed_frame", "");
+  options.fixed_frame = parameters.frame("fixed_frame", "");
   policy_ = parameters.choice("policy", "confirm", {"auto", "confirm"});
   options.accept_at_once = policy_ == "auto";
   options.restore_at_once =
@@ -52,6 +51,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   broadcasts.rate_hz = parameters.number("rate", broadcasts.rate_hz, 1.0, 1000.0);
   broadcasts.tolerance_s =
       parameters.number("transform_tolerance", broadcasts.tolerance_s, 0.0, 10.0);
+  const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   if (broadcasts.tolerance_s * broadcasts.rate_hz < 1.0)
     throw InputError(private_node.resolveName("transform_tolerance"),
@@ -69,9 +69,11 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   constexpr double kTfPeriodS = 0.05;
   tf_timer_ = node_.createWallTimer(::ros::WallDuration(kTfPeriodS),
                                     [this](const ::ros::WallTimerEvent&) { check_tf(); });
-  second_timer_ =
+  diagnostics_timer_ =
+      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
+                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  pose_timer_ =
       node_.createWallTimer(::ros::WallDuration(1.0), [this](const ::ros::WallTimerEvent&) {
-        diagnostics_.force_update();
         const std::lock_guard<std::mutex> lock(mutex_);
         publish_pose(decisions_.state());
       });

@@ -81,7 +81,8 @@ class TfPublisher {
   ::ros::ServiceServer revert_server_;
   diagnostic_updater::Updater diagnostics_;
   ::ros::WallTimer tf_timer_;
-  ::ros::WallTimer second_timer_;
+  ::ros::WallTimer diagnostics_timer_;
+  ::ros::WallTimer pose_timer_;
 };
 
 }  // namespace usct::ros_interface

@@ -340,7 +340,16 @@ TEST(Registration, MalformedMessagesAreTheReasonUntilTheNext) {
 TEST(Registration, OutdatedUltrasoundIsRefused) {
   RegistrationClient client("plain");
   provide_agar(client, 5);
-  client.send_ct(agar().ct, 6, ::ros::Time::now() + ::ros::Duration(7.0));
+  // The same CT again, as after a restart of ct_server, outdates nothing.
+  const ::ros::Time later = ::ros::Time::now() + ::ros::Duration(7.0);
+  client.send_ct(agar().ct, 6, later);
+  const Result again =
+      client.call_until([](const Result& result) { return result.ct_revision == 6; });
+  EXPECT_EQ(again.status.code, Status::REGISTERED) << again.status.message;
+  EXPECT_LT(again.ct_stamp, again.us_stamp);
+  CtVolume other = agar().ct;
+  other.voxels[0] += 1;
+  client.send_ct(other, 7, later);
   EXPECT_THAT(client.call_until_code(Status::ULTRASOUND_OUTDATED).status.message,
               HasSubstr("before the CT was loaded"));
 }
