@@ -6,7 +6,8 @@
 
 #include "ros/conversions/clouds.h"
 #include "ros/conversions/ct.h"
-#include "ros/parameters.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/subgrid.h"
@@ -27,9 +28,27 @@ InputError retold(const std::exception& error, const fs::path& path, const std::
   return {given, text.rfind(source, 0) == 0 ? text.substr(source.size()) : text};
 }
 
+/// roscpp closes a connection, for ever, on which a message of more than 1e9 bytes arrives.
+constexpr std::uint64_t kMostKeptBytes = 950000000;
+/// A compressed file of some megabytes may announce more than the machine has.
+constexpr std::uint64_t kMostStoredBytes = 4000000000;
+
 std::string size_text(const Eigen::Vector3i& size) {
   return std::to_string(size.x()) + " x " + std::to_string(size.y()) + " x " +
          std::to_string(size.z());
+}
+
+/// NaN, which a box of Eigen would drop, is kept.
+Eigen::AlignedBox3d box_of(const Eigen::Vector3d& a_mm, const Eigen::Vector3d& b_mm) {
+  const bool is_finite = a_mm.allFinite() && b_mm.allFinite();
+  return {is_finite ? Eigen::Vector3d(a_mm.cwiseMin(b_mm)) : a_mm,
+          is_finite ? Eigen::Vector3d(a_mm.cwiseMax(b_mm)) : b_mm};
+}
+
+/// What was left out of the CT, or nothing.
+std::string part_text(const LoadedCt& ct) {
+  const Eigen::Vector3i& whole = ct.whole_grid.size;
+  return ct.volume.grid.size == whole ? "" : " of " + size_text(whole) + " (ct/roi)";
 }
 
 }  // namespace
@@ -40,17 +59,18 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   const std::string path = parameters.text("path", "");
   const std::string labels = parameters.text("labels", "");
   const std::string data_root = parameters.text("data_root", "");
-  ct_frame_ = parameters.text("ct_frame", "ct");
+  ct_frame_ = parameters.frame("ct_frame", "ct");
   dicom_options_.resample_irregular = parameters.flag("resample_irregular", false);
   label_names_ = parse_label_names(parameters.text("label_names", ""),
                                    private_node.resolveName("label_names"));
   surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
   surface_triangles_ =
       static_cast<std::size_t>(parameters.whole("surface_triangles", 50000, 1000, 2000000));
+  read_selection(parameters, private_node);
+  const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
-  if (ct_frame_.empty() || ct_frame_.front() == '/')
-    throw InputError(private_node.resolveName("ct_frame"),
-                     "is '" + ct_frame_ + "', must be a frame without leading /");
+  if (ct_frame_.empty())
+    throw InputError(private_node.resolveName("ct_frame"), "is empty, must name a frame");
   if (path.empty() && !labels.empty())
     throw InputError(private_node.resolveName("labels"), "is set, but 'path' is not");
   if (!data_root.empty()) data_root_.emplace(data_root, private_node.resolveName("data_root"));
@@ -60,11 +80,12 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   surface_publisher_ = node_.advertise<visualization_msgs::MarkerArray>("ct/surface", 1, true);
   points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/surface_points", 1, true);
   load_server_ = node_.advertiseService("ct/load", &CtServer::on_load, this);
+  roi_server_ = node_.advertiseService("ct/roi", &CtServer::on_roi, this);
   get_server_ = node_.advertiseService("ct/get_volume", &CtServer::on_get, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("CT", this, &CtServer::diagnose);
   diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(1.0),
+      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
                             [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
   // The constructor must not read the CT: it would block a nodelet's manager for seconds.
   if (!path.empty())
@@ -86,6 +107,10 @@ LabelVolume CtServer::read_labels(const std::string& labels, const Grid& ct_grid
   const fs::path path = resolve(labels, "labels");
   LabelVolume volume;
   try {
+    const VolumeInfo info = read_volume_info(path);
+    CtSelection all;
+    all.max_stored_bytes = kMostStoredBytes;
+    require_fits(all, info.grid, info.voxel_bytes, path.string());
     volume = read_volume<std::uint16_t>(path);
   } catch (const std::exception& error) {
     throw retold(error, path, labels);
@@ -97,19 +122,19 @@ LabelVolume CtServer::read_labels(const std::string& labels, const Grid& ct_grid
   return volume;
 }
 
-CtServer::Loaded CtServer::read(const std::string& path, const std::string& labels) const {
+CtServer::Loaded CtServer::read(const std::string& path, const std::string& labels,
+                                const CtSelection& selection) const {
   const fs::path ct_path = resolve(path, "path");
   Loaded loaded;
   try {
-    loaded.ct = read_ct(ct_path, dicom_options_);
+    loaded.ct = read_ct(ct_path, dicom_options_, {}, selection);
   } catch (const std::exception& error) {
     throw retold(error, ct_path, path);
   }
   for (std::string& warning : loaded.ct.warnings) warning = without_names(warning, ct_path, path);
   loaded.has_labels = !labels.empty();
   if (loaded.has_labels) {
-    loaded.surfaces =
-        label_surfaces(read_labels(labels, loaded.ct.volume.grid), surface_triangles_);
+    loaded.surfaces = label_surfaces(read_labels(labels, loaded.ct.whole_grid), surface_triangles_);
   } else if (Surface surface = iso_surface(loaded.ct.volume, surface_hu_, surface_triangles_);
              !surface.triangles.empty()) {
     loaded.surfaces[0] = std::move(surface);
@@ -122,11 +147,12 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
   if (!loading) return status(Code::BUSY, "another CT is being loaded");
   msg::StatusCode answer;
   try {
-    const Loaded loaded = read(path, labels);
+    const Loaded loaded = read(path, labels, selection());
     for (const std::string& warning : loaded.ct.warnings) ROS_WARN("%s", warning.c_str());
     hold(loaded);
     answer = status(Code::OK, loaded.ct.format + ", " + size_text(loaded.ct.volume.grid.size) +
-                                  " voxels, revision " + std::to_string(info_.revision));
+                                  " voxels" + part_text(loaded.ct) + ", revision " +
+                                  std::to_string(info_.revision));
     ROS_INFO("CT loaded: %s", answer.message.c_str());
     return answer;
   } catch (const PathRefused& error) {
@@ -178,6 +204,7 @@ void CtServer::hold(const Loaded& loaded) {
     const std::lock_guard<std::mutex> lock(mutex_);
     volume_ = volume;
     info_ = info;
+    part_ = part_text(loaded.ct);
     last_error_.clear();
   }
   // The summary is sent first, so that tf_publisher knows the CT before it gets a result for it.
@@ -194,6 +221,50 @@ bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& res
                                : status(Code::PATH_REFUSED, "parameter data_root is not set");
   const std::lock_guard<std::mutex> lock(mutex_);
   response.revision = info_.revision;
+  return true;
+}
+
+CtSelection CtServer::selection() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return selection_;
+}
+
+void CtServer::read_selection(Parameters& parameters, const ::ros::NodeHandle& private_node) {
+  selection_.max_stored_bytes = kMostStoredBytes;
+  selection_.max_kept_bytes = kMostKeptBytes;
+  const std::vector<double> roi_m = parameters.numbers("roi", 6);
+  if (!roi_m.empty()) {
+    const Eigen::Map<const Eigen::Vector3d> first(roi_m.data());
+    const Eigen::Map<const Eigen::Vector3d> second(roi_m.data() + 3);
+    selection_.box_mm = box_of(kMmPerM * first, kMmPerM * second);
+  }
+  selection_.decimation = parameters.whole("decimation", 1, 1, CtSelection::kMostDecimation);
+  try {
+    selection_.validate();
+  } catch (const InputError& error) {
+    throw InputError(private_node.resolveName("roi"), error.violation());
+  }
+}
+
+bool CtServer::on_roi(msg::SetCtRoi::Request& request, msg::SetCtRoi::Response& response) {
+  try {
+    if (request.corners.size() != 0 && request.corners.size() != 2)
+      throw InputError("'corners'", "has " + std::to_string(request.corners.size()) +
+                                        " points, must have 2, or none for all of the CT");
+    const std::lock_guard<std::mutex> lock(mutex_);
+    CtSelection wanted = selection_;
+    wanted.box_mm.reset();
+    if (!request.corners.empty())
+      wanted.box_mm = box_of(point_from_message_mm(request.corners[0]),
+                             point_from_message_mm(request.corners[1]));
+    constexpr std::uint32_t kTooMany = CtSelection::kMostDecimation + 1;
+    wanted.decimation = static_cast<int>(std::clamp(request.decimation, 1U, kTooMany));
+    wanted.validate();
+    selection_ = wanted;
+    response.status = status(Code::OK, "valid from the next load on");
+  } catch (const InputError& error) {
+    response.status = status(Code::INVALID_REQUEST, error.what());
+  }
   return true;
 }
 
@@ -225,9 +296,9 @@ void CtServer::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) 
   if (has_ct) {
     diagnosis.add("format", info_.format);
     diagnosis.add("voxels", std::to_string(info_.size[0]) + " x " + std::to_string(info_.size[1]) +
-                                " x " + std::to_string(info_.size[2]));
+                                " x " + std::to_string(info_.size[2]) + part_);
     diagnosis.add("labels", info_.labels.size());
-    diagnosis.add("loaded since (s)", (::ros::Time::now() - info_.header.stamp).toSec());
+    diagnosis.add("loaded since (s)", seconds_between(info_.header.stamp, ::ros::Time::now()));
   }
   diagnosis.add("last error", last_error_);
 }

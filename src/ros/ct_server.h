@@ -6,6 +6,7 @@
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/GetCt.h>
 #include <us_ct_registration/LoadCt.h>
+#include <us_ct_registration/SetCtRoi.h>
 #include <us_ct_registration/StatusCode.h>
 
 #include <map>
@@ -14,6 +15,7 @@
 #include <string>
 
 #include "ros/data_root.h"
+#include "ros/parameters.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/rendering/surface.h"
 
@@ -34,12 +36,17 @@ class CtServer {
 
   bool on_load(us_ct_registration::LoadCt::Request& request,
                us_ct_registration::LoadCt::Response& response);
+  bool on_roi(us_ct_registration::SetCtRoi::Request& request,
+              us_ct_registration::SetCtRoi::Response& response);
   bool on_get(us_ct_registration::GetCt::Request& request,
               us_ct_registration::GetCt::Response& response);
   /// Replaces the CT that is held. On failure the held CT stays, and the answer gives the reason.
   us_ct_registration::StatusCode load(const std::string& path, const std::string& labels);
-  Loaded read(const std::string& path, const std::string& labels) const;
+  Loaded read(const std::string& path, const std::string& labels,
+              const CtSelection& selection) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
+  CtSelection selection();
+  void read_selection(Parameters& parameters, const ::ros::NodeHandle& private_node);
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
   /// The revision is the time in seconds since 1970, so that it rises across restarts without being
   /// stored.
@@ -57,7 +64,9 @@ class CtServer {
 
   std::mutex loading_;  // held while files are read
   std::uint32_t last_revision_ = ::ros::WallTime::now().sec;
-  std::mutex mutex_;  // guards the three members below; never held while files are read
+  std::mutex mutex_;  // guards the members below; never held while files are read
+  CtSelection selection_;
+  std::string part_;  // of what the CT that is held is a part; empty: it is whole
   us_ct_registration::CtVolumeConstPtr volume_;
   us_ct_registration::CtInfo info_;
   std::string last_error_;
@@ -67,6 +76,7 @@ class CtServer {
   ::ros::Publisher surface_publisher_;
   ::ros::Publisher points_publisher_;
   ::ros::ServiceServer load_server_;
+  ::ros::ServiceServer roi_server_;
   ::ros::ServiceServer get_server_;
   diagnostic_updater::Updater diagnostics_;
   ::ros::WallTimer diagnostics_timer_;

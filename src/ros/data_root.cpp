@@ -116,6 +116,7 @@ std::string without_names(const std::string& text, const fs::path& path, const s
   const std::string place_of_given(1, '\0');
   std::vector<std::pair<std::string, std::string>> replacements{{path.string(), place_of_given},
                                                                 {given, place_of_given}};
+  if (!is_folder) replacements.emplace_back(path.filename().string(), place_of_given);
   std::size_t number = 0;
   for (const fs::path& entry : entries) {
     const std::string shown = "file " + std::to_string(++number);

@@ -1,10 +1,15 @@
 #include "ros/fixed_frame.h"
 
+#include <tf2/exceptions.h>
+
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "us_ct_registration/geometry/probe_motion.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -28,14 +33,6 @@ Isometry3d transform_mm(const tf2::BufferCore& tf, const std::string& target,
 
 }  // namespace
 
-std::string seconds_text(double seconds) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.3f", seconds);
-  return text;
-}
-
-std::string seconds_text(const ::ros::Time& time) { return seconds_text(time.toSec()); }
-
 FixedFrame::FixedFrame(const tf2::BufferCore& tf, FixedFrameOptions options)
     : tf_(tf), options_(std::move(options)) {}
 
@@ -48,8 +45,8 @@ bool FixedFrame::reaches(const std_msgs::Header& us) const {
 }
 
 bool FixedFrame::is_complete(const std_msgs::Header& us) const {
-  return is_own_frame(us) || tf_.canTransform(name(us), us.frame_id,
-                                              us.stamp + ::ros::Duration(options_.jump_window_s));
+  return is_own_frame(us) ||
+         tf_.canTransform(name(us), us.frame_id, shifted(us.stamp, options_.jump_window_s));
 }
 
 FixedPose FixedFrame::look_up(const std_msgs::Header& us) const {
@@ -58,16 +55,17 @@ FixedPose FixedFrame::look_up(const std_msgs::Header& us) const {
   try {
     const ::ros::Time time = usable_time(us);
     pose.T_fixed_us = T_fixed_us_at(us, time);
-    pose.age_s = (us.stamp - time).toSec();
+    pose.age_s = seconds_between(time, us.stamp);
     require_still(us, pose);
-  } catch (const tf2::TransformException& error) {
+  } catch (const Refusal&) {
+    throw;
+  } catch (const std::exception& error) {
     unavailable(us, error);
   }
   return pose;
 }
 
-void FixedFrame::unavailable(const std_msgs::Header& us,
-                             const tf2::TransformException& error) const {
+void FixedFrame::unavailable(const std_msgs::Header& us, const std::exception& error) const {
   throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect " + quoted(us.frame_id) + " to " +
                                             quoted(name(us)) + at(us.stamp) + ": " + error.what());
 }
@@ -83,7 +81,7 @@ Isometry3d FixedFrame::T_fixed_us_at(const std_msgs::Header& us, const ::ros::Ti
   const ::ros::Time newest =
       tf_.lookupTransform(name(us), us.frame_id, ::ros::Time(0)).header.stamp;
   if (newest >= us.stamp) throw tf2::ExtrapolationException(why);
-  const double age_s = (us.stamp - newest).toSec();
+  const double age_s = seconds_between(newest, us.stamp);
   if (age_s > options_.max_tf_age_s)
     throw Refusal(Status::TF_STALE,
                   "the newest transform from " + quoted(us.frame_id) + " to " + quoted(name(us)) +
@@ -97,25 +95,93 @@ void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose
   if (is_own_frame(us)) return;
   constexpr int kSamples = 4;  // on either side
   for (int i = -kSamples; i <= kSamples; ++i) {
-    const ::ros::Duration offset(options_.jump_window_s * i / kSamples);
+    const double offset_s = options_.jump_window_s * i / kSamples;
+    const ::ros::Time time = shifted(us.stamp, offset_s);
     // tf takes the time 0 for the newest transform.
-    if (i == 0 || us.stamp.toSec() + offset.toSec() <= 0.0) continue;
-    if (!tf_.canTransform(name(us), us.frame_id, us.stamp + offset)) continue;
-    const Isometry3d moved = T_fixed_us_at(us, us.stamp + offset);
-    const double moved_mm = (moved.translation() - pose.T_fixed_us.translation()).norm();
-    const double turned_deg =
-        kDegPerRad * Eigen::AngleAxisd((pose.T_fixed_us.inverse() * moved).rotation()).angle();
-    if (moved_mm <= options_.max_jump_mm && turned_deg <= options_.max_jump_deg) continue;
+    if (i == 0 || time.isZero()) continue;
+    if (!tf_.canTransform(name(us), us.frame_id, time)) continue;
+    require_small(us, pose.T_fixed_us.inverse() * T_fixed_us_at(us, time), time, us.stamp);
+  }
+} catch (const Refusal&) {
+  throw;
+} catch (const std::exception& error) {
+  unavailable(us, error);
+}
+
+void FixedFrame::require_small(const std_msgs::Header& us, const Isometry3d& T_us_moved,
+                               const ::ros::Time& from, const ::ros::Time& to) const {
+  const double moved_mm = T_us_moved.translation().norm();
+  const double turned_deg = kDegPerRad * Eigen::AngleAxisd(T_us_moved.rotation()).angle();
+  if (moved_mm <= options_.max_jump_mm && turned_deg <= options_.max_jump_deg) return;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                " moved by %.1f mm and %.1f degrees between %.3f s and %.3f s; allowed: %g mm, %g "
+                "degrees",
+                moved_mm, turned_deg, from.toSec(), to.toSec(), options_.max_jump_mm,
+                options_.max_jump_deg);
+  throw Refusal(Status::TF_JUMPED, quoted(us.frame_id) + " in " + quoted(name(us)) + text);
+}
+
+std::vector<Isometry3d> FixedFrame::T_us_then(const std_msgs::Header& us, const FixedPose& pose,
+                                              const std::vector<::ros::Time>& stamps) const try {
+  std::vector<Isometry3d> poses(stamps.size(), Isometry3d::Identity());
+  if (is_own_frame(us)) return poses;
+  const ::ros::Time last = shifted(us.stamp, -pose.age_s);
+  for (std::size_t i = 0; i < stamps.size(); ++i)
+    poses[i] = pose.T_fixed_us.inverse() * T_fixed_us_at(us, std::min(stamps[i], last));
+  return poses;
+} catch (const std::exception& error) {
+  throw Refusal(Status::TF_UNAVAILABLE,
+                "tf does not connect " + quoted(us.frame_id) + " to " + quoted(name(us)) +
+                    " at the stamp of each frame of the sweep, so that a motion of the probe "
+                    "during the sweep would not be noticed: " +
+                    error.what());
+}
+
+double FixedFrame::compensate(const std_msgs::Header& us, const FixedPose& pose,
+                              const std::vector<::ros::Time>& stamps, BeamGrid& beams) const {
+  // Rounding, and the noise of a tracker at rest, leave the beams bit by bit as they are.
+  constexpr double kAtRestMm = 0.01;
+  if (is_own_frame(us)) return 0.0;
+  if (stamps.empty()) {
+    // The poses of a tracked sweep then are those at the stamp of the volume.
+    if (!beams.tracked) require_still_before(us, pose);
+    return 0.0;
+  }
+  const std::vector<Isometry3d> poses = T_us_then(us, pose, stamps);
+  const double motion_mm = probe_motion_mm(beams, poses);
+  if (motion_mm > options_.max_sweep_motion_mm) {
     char text[200];
-    std::snprintf(text, sizeof text,
-                  " moved by %.1f mm and %.1f degrees between %+.3f s and the ultrasound's stamp "
-                  "%.3f; allowed: %g mm, %g degrees",
-                  moved_mm, turned_deg, offset.toSec(), us.stamp.toSec(), options_.max_jump_mm,
-                  options_.max_jump_deg);
+    std::snprintf(
+        text, sizeof text,
+        " moved during the sweep, from %.3f s to %.3f s, and a sample by %.1f mm with it; "
+        "allowed (max_sweep_motion_mm): %g mm",
+        stamps.front().toSec(), us.stamp.toSec(), motion_mm, options_.max_sweep_motion_mm);
     throw Refusal(Status::TF_JUMPED, quoted(us.frame_id) + " in " + quoted(name(us)) + text);
   }
-} catch (const tf2::TransformException& error) {
-  unavailable(us, error);
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    require_small(us, poses[i - 1].inverse() * poses[i], stamps[i - 1], stamps[i]);
+  if (motion_mm > kAtRestMm) follow_probe(poses, beams);
+  return motion_mm;
+}
+
+void FixedFrame::require_still_before(const std_msgs::Header& us, const FixedPose& pose) const {
+  constexpr double kStepS = 0.05;
+  const int steps = static_cast<int>(std::ceil(options_.sweep_duration_s / kStepS));
+  std::vector<::ros::Time> times;
+  for (int i = 1; i <= steps; ++i) {
+    const ::ros::Time time = shifted(us.stamp, -options_.sweep_duration_s * i / steps);
+    if (!time.isZero()) times.push_back(time);
+  }
+  try {
+    const std::vector<Isometry3d> poses = T_us_then(us, pose, times);
+    for (std::size_t i = 0; i < times.size(); ++i) require_small(us, poses[i], times[i], us.stamp);
+  } catch (const Refusal& refusal) {
+    throw Refusal(refusal.code(), std::string(refusal.what()) +
+                                      "; the volume has no 'frame_stamps', and may have taken " +
+                                      seconds_text(options_.sweep_duration_s) +
+                                      " s (sweep_duration)");
+  }
 }
 
 Isometry3d FixedFrame::T_us_frame(const std_msgs::Header& us, const FixedPose& pose,
@@ -126,7 +192,7 @@ Isometry3d FixedFrame::T_us_frame(const std_msgs::Header& us, const FixedPose& p
   if (frame == name(us)) return pose.T_fixed_us.inverse();
   try {
     return transform_mm(tf_, us.frame_id, frame, us.stamp);
-  } catch (const tf2::TransformException& error) {
+  } catch (const std::exception& error) {
     throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect " + quoted(frame) +
                                               ", the frame of the initial alignment, to " +
                                               quoted(us.frame_id) + at(us.stamp) + ": " +

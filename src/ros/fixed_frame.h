@@ -3,10 +3,13 @@
 #include <ros/time.h>
 #include <std_msgs/Header.h>
 #include <tf2/buffer_core.h>
-#include <tf2/exceptions.h>
 
 #include <Eigen/Geometry>
+#include <exception>
 #include <string>
+#include <vector>
+
+#include "us_ct_registration/geometry/beam_grid.h"
 
 namespace usct::ros_interface {
 
@@ -20,6 +23,12 @@ struct FixedFrameOptions {
   double jump_window_s = 0.1;
   double max_jump_mm = 3.0;
   double max_jump_deg = 3.0;
+  /// Largest way of a sample by the motion of the ultrasound's frame during the sweep, which is
+  /// compensated; >= 0.
+  double max_sweep_motion_mm = 10.0;
+  /// Longest time that a motorised sweep without `frame_stamps` may have taken. Over this time
+  /// before its stamp, the ultrasound's frame may move by `max_jump_mm` and `max_jump_deg`; >= 0.
+  double sweep_duration_s = 5.0;
 };
 
 /// Pose of the ultrasound's frame in the fixed frame at the stamp of the ultrasound.
@@ -54,6 +63,18 @@ class FixedFrame {
   /// reaches, and with TF_UNAVAILABLE if tf has forgotten the frame.
   void require_still(const std_msgs::Header& us, const FixedPose& pose) const;
 
+  /// Poses of the ultrasound's frame at the `stamps` of the frames of a sweep, in the ultrasound's
+  /// frame at the stamp of the header, mm (`T_us_then` of probe_motion.h). Where `pose` is older
+  /// than the header's stamp, later stamps get the pose at its time. Refuses with TF_UNAVAILABLE.
+  std::vector<Eigen::Isometry3d> T_us_then(const std_msgs::Header& us, const FixedPose& pose,
+                                           const std::vector<::ros::Time>& stamps) const;
+  /// Sets each frame of a sweep where the ultrasound's frame was at the frame's stamp, and returns
+  /// the longest way of a sample by that, mm. Without stamps, a motorised sweep is left as it is,
+  /// and the ultrasound's frame must have stood still for `sweep_duration_s`. Refuses with
+  /// TF_UNAVAILABLE, or with TF_JUMPED for more motion than is allowed.
+  double compensate(const std_msgs::Header& us, const FixedPose& pose,
+                    const std::vector<::ros::Time>& stamps, BeamGrid& beams) const;
+
   /// The pose of any frame in the ultrasound's frame, at the ultrasound's stamp. Refuses with
   /// TF_UNAVAILABLE, or with INVALID_REQUEST if the name is empty.
   Eigen::Isometry3d T_us_frame(const std_msgs::Header& us, const FixedPose& pose,
@@ -61,17 +82,15 @@ class FixedFrame {
 
  private:
   bool is_own_frame(const std_msgs::Header& us) const { return name(us) == us.frame_id; }
+  void require_still_before(const std_msgs::Header& us, const FixedPose& pose) const;
+  void require_small(const std_msgs::Header& us, const Eigen::Isometry3d& T_us_moved,
+                     const ::ros::Time& from, const ::ros::Time& to) const;
   Eigen::Isometry3d T_fixed_us_at(const std_msgs::Header& us, const ::ros::Time& time) const;
   ::ros::Time usable_time(const std_msgs::Header& us) const;
-  [[noreturn]] void unavailable(const std_msgs::Header& us,
-                                const tf2::TransformException& error) const;
+  [[noreturn]] void unavailable(const std_msgs::Header& us, const std::exception& error) const;
 
   const tf2::BufferCore& tf_;
   const FixedFrameOptions options_;
 };
-
-/// Seconds with three decimals, like "1234.567".
-std::string seconds_text(const ::ros::Time& time);
-std::string seconds_text(double seconds);
 
 }  // namespace usct::ros_interface

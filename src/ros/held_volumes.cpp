@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "ros/conversions/ct.h"
+#include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "us_ct_registration/error.h"
 
@@ -16,9 +17,16 @@ using Status = msg::StatusCode;
 constexpr std::chrono::milliseconds kPoll(5);
 
 /// The conversions do not check headers. A stamp of 0 would make tf give its newest transform.
-void require_header(const std_msgs::Header& header, const std::string& source) {
+void require_header(const std_msgs::Header& header, const ::ros::Time& now,
+                    const std::string& source) {
   if (header.stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
+  require_not_ahead(header.stamp, now, source, "header.stamp");
   if (header.frame_id.empty()) throw InputError(source, "'header.frame_id' is empty, must be set");
+}
+
+bool has_same_voxels(const HeldCt& a, const HeldCt& b) {
+  return a.crc32 == b.crc32 && a.header.frame_id == b.header.frame_id &&
+         same_grid(a.volume.grid, b.volume.grid) && a.volume.voxels == b.volume.voxels;
 }
 
 /// Runs a conversion, and turns its exception into a refusal for those who ask for the volume.
@@ -26,6 +34,8 @@ template <typename Convert>
 std::optional<Refusal> refusal_of(Convert&& convert) {
   try {
     convert();
+  } catch (const Refusal& refusal) {
+    return refusal;
   } catch (const InputError& error) {
     return Refusal(Status::INVALID_MESSAGE, error.what());
   } catch (const std::exception& error) {
@@ -53,17 +63,35 @@ HeldVolumes::~HeldVolumes() {
   worker_.join();
 }
 
-void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message) {
+bool is_older(const HeldUltrasound& us, const HeldCt& ct) {
+  if (us.epoch.number < ct.epoch.number) return true;
+  if (us.epoch.number == ct.epoch.number) return us.header.stamp < ct.header.stamp;
+  return us.header.stamp < std::min(ct.header.stamp, us.epoch.begin);
+}
+
+void HeldVolumes::set_time(const ::ros::Time& now) {
+  if (now < last_now_) epoch_ = {epoch_.number + 1, now};
+  last_now_ = now;
+}
+
+void HeldVolumes::notice_time(const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  ct_arrival_ = message;
+  set_time(now);
+}
+
+void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message, const ::ros::Time& now) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  set_time(now);
+  ct_arrival_ = CtArrival{message, now, epoch_};
   newest_ct_revision_ = message->revision;
   newest_ct_crc32_ = message->crc32;
   wake_.notify_all();
 }
 
-void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message) {
+void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  ultrasound_arrivals_.push_back(message);
+  set_time(now);
+  ultrasound_arrivals_.push_back({message, now, epoch_});
   ++arrived_ultrasound_;
   // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
@@ -77,17 +105,17 @@ void HeldVolumes::work() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopping_) {
     if (ct_arrival_) {
-      const msg::CtVolume::ConstPtr message = std::move(ct_arrival_);
+      const CtArrival arrival = *ct_arrival_;
       ct_arrival_.reset();
       converting_ct_ = true;
       lock.unlock();
-      convert_ct(*message);
+      convert_ct(arrival);
       lock.lock();
     } else if (!ultrasound_arrivals_.empty()) {
-      const msg::PreScanVolume::ConstPtr message = ultrasound_arrivals_.front();
+      const UltrasoundArrival arrival = ultrasound_arrivals_.front();
       ultrasound_arrivals_.pop_front();
       lock.unlock();
-      Entry entry = convert(*message);
+      Entry entry = convert(arrival);
       lock.lock();
       entry.number = ++converted_ultrasound_;
       keep(std::move(entry));
@@ -123,27 +151,38 @@ void HeldVolumes::drop_old() {
     ultrasound_.erase(std::find_if(ultrasound_.begin(), ultrasound_.end(), settled));
 }
 
-void HeldVolumes::convert_ct(const msg::CtVolume& message) {
+void HeldVolumes::convert_ct(const CtArrival& arrival) {
+  const msg::CtVolume& message = *arrival.message;
   const std::string source = "CT revision " + std::to_string(message.revision);
   auto held = std::make_shared<HeldCt>();
   std::optional<Refusal> refusal = refusal_of([&] {
-    require_header(message.header, source);
-    *held = {message.header, message.revision, message.crc32, from_message(message, source)};
+    require_header(message.header, arrival.now, source);
+    *held = {message.header, arrival.epoch, message.revision, message.crc32,
+             from_message(message, source)};
   });
   const std::lock_guard<std::mutex> lock(mutex_);
   converting_ct_ = false;
+  // A CT that was loaded again, or sent by a node that was restarted, is no reason to refuse the
+  // ultrasound that was acquired with it.
+  if (!refusal && ct_ && has_same_voxels(*ct_, *held)) {
+    held->header.stamp = ct_->header.stamp;
+    held->epoch = ct_->epoch;
+  }
   ct_ = refusal ? nullptr : held;
   ct_refusal_ = refusal;
 }
 
-HeldVolumes::Entry HeldVolumes::convert(const msg::PreScanVolume& message) const {
+HeldVolumes::Entry HeldVolumes::convert(const UltrasoundArrival& arrival) const {
+  const msg::PreScanVolume& message = *arrival.message;
   const std::string source = "ultrasound with the stamp " + seconds_text(message.header.stamp);
   Entry entry;
   entry.header = message.header;
   entry.refusal = refusal_of([&] {
-    require_header(message.header, source);
+    require_header(message.header, arrival.now, source);
     auto held = std::make_shared<HeldUltrasound>();
     held->header = message.header;
+    held->epoch = arrival.epoch;
+    held->frame_stamps = message.frame_stamps;
     held->beams = along_beams(from_message(message, source));
     held->tf_deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                            std::chrono::duration<double>(options_.tf_timeout_s));
@@ -153,16 +192,19 @@ HeldVolumes::Entry HeldVolumes::convert(const msg::PreScanVolume& message) const
   return entry;
 }
 
-/// Looks the volume's pose up once tf has it or no time is left. Returns whether it did.
+/// Looks the volume's pose up, and those of its frames, once tf has them or no time is left.
+/// Returns whether it did.
 bool HeldVolumes::settle(Entry& entry) const {
-  if (!frame_.reaches(entry.header) && Clock::now() < entry.volume->tf_deadline) return false;
-  try {
-    entry.volume->pose = frame_.look_up(entry.header);
-  } catch (const Refusal& refusal) {
-    entry.refusal = refusal;
-    entry.volume.reset();
-  }
-  return true;
+  bool is_settled = true;
+  entry.refusal = refusal_of([&] {
+    HeldUltrasound& us = *entry.volume;
+    is_settled = frame_.reaches(us.header) || Clock::now() >= us.tf_deadline;
+    if (!is_settled) return;
+    us.pose = frame_.look_up(us.header);
+    us.sweep_motion_mm = frame_.compensate(us.header, us.pose, us.frame_stamps, us.beams.beams);
+  });
+  if (entry.refusal) entry.volume.reset();
+  return is_settled || entry.refusal;
 }
 
 void HeldVolumes::settle_all() {
@@ -219,7 +261,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                            [&](const Entry& one) { return one.number >= number; });
     return entry->settled;
   });
-  if (entry->refusal) throw Refusal(*entry->refusal);
+  if (entry->refusal) throw UltrasoundRefusal(*entry->refusal, entry->header);
   return entry->volume;
 }
 

@@ -13,7 +13,7 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <variant>
+#include <vector>
 
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
@@ -22,8 +22,18 @@
 
 namespace usct::ros_interface {
 
+/// A stretch of time between two jumps of the clock back, as at the start of each loop of a bag.
+struct ClockEpoch {
+  int number = 0;
+  /// The clock at its beginning; 0: that of the node.
+  ::ros::Time begin;
+};
+
 struct HeldCt {
+  /// The stamp is the first under which these voxels arrived without others in between.
   std_msgs::Header header;
+  /// That of the same arrival.
+  ClockEpoch epoch;
   std::uint32_t revision = 0;
   std::uint32_t crc32 = 0;
   CtVolume volume;
@@ -31,11 +41,35 @@ struct HeldCt {
 
 struct HeldUltrasound {
   std_msgs::Header header;
+  /// Once the volume is available, each frame is where the probe was at the frame's stamp.
   BeamUltrasound beams;
   FixedPose pose;
+  /// Longest way of a sample by the motion of the ultrasound's frame during the sweep, mm.
+  double sweep_motion_mm = 0.0;
+  std::vector<::ros::Time> frame_stamps;
+  /// That of its arrival.
+  ClockEpoch epoch;
   /// Time at which waiting for tf ends.
   std::chrono::steady_clock::time_point tf_deadline;
 };
+
+/// The refusal of a volume that is held.
+class UltrasoundRefusal : public Refusal {
+ public:
+  UltrasoundRefusal(const Refusal& refusal, std_msgs::Header header)
+      : Refusal(refusal), header_(std::move(header)) {}
+
+  /// That of the volume.
+  const std_msgs::Header& header() const { return header_; }
+
+ private:
+  std_msgs::Header header_;
+};
+
+/// Whether the ultrasound was acquired before the CT was there, so that it may show another
+/// patient. A stamp tells this only until the clock is set back; what arrives after that, and was
+/// acquired after that, was acquired with the CT.
+bool is_older(const HeldUltrasound& us, const HeldCt& ct);
 
 /// A summary of the held volumes, for diagnostics.
 struct HeldState {
@@ -67,8 +101,11 @@ class HeldVolumes {
   HeldVolumes(const HeldVolumes&) = delete;
   HeldVolumes& operator=(const HeldVolumes&) = delete;
 
-  void arrived(const us_ct_registration::CtVolume::ConstPtr& message);
-  void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message);
+  /// `now` is the node's clock. A message whose stamp is far ahead of it is refused.
+  void arrived(const us_ct_registration::CtVolume::ConstPtr& message, const ::ros::Time& now);
+  void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message, const ::ros::Time& now);
+  /// Must be called often, so that a jump of the clock back is noticed.
+  void notice_time(const ::ros::Time& now);
 
   /// The newest CT. Waits for it; `cancelled` ends the wait with the refusal CANCELLED. Refuses
   /// with NO_CT or INVALID_MESSAGE.
@@ -104,9 +141,20 @@ class HeldVolumes {
     bool settled = false;
   };
 
+  /// A message, and the clock when it arrived.
+  template <typename Message>
+  struct Arrival {
+    boost::shared_ptr<const Message> message;
+    ::ros::Time now;
+    ClockEpoch epoch;
+  };
+  using CtArrival = Arrival<us_ct_registration::CtVolume>;
+  using UltrasoundArrival = Arrival<us_ct_registration::PreScanVolume>;
+
+  void set_time(const ::ros::Time& now);
   void work();
-  void convert_ct(const us_ct_registration::CtVolume& message);
-  Entry convert(const us_ct_registration::PreScanVolume& message) const;
+  void convert_ct(const CtArrival& arrival);
+  Entry convert(const UltrasoundArrival& arrival) const;
   void keep(Entry entry);
   void drop_old();
   bool settle(Entry& entry) const;
@@ -123,9 +171,11 @@ class HeldVolumes {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;
-  us_ct_registration::CtVolume::ConstPtr ct_arrival_;
+  ::ros::Time last_now_;
+  ClockEpoch epoch_;
+  std::optional<CtArrival> ct_arrival_;
   bool converting_ct_ = false;
-  std::deque<us_ct_registration::PreScanVolume::ConstPtr> ultrasound_arrivals_;
+  std::deque<UltrasoundArrival> ultrasound_arrivals_;
   std::uint64_t arrived_ultrasound_ = 0;
   std::uint64_t converted_ultrasound_ = 0;
   std::uint32_t newest_ct_revision_ = 0;

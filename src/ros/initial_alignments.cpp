@@ -49,7 +49,7 @@ InitialAlignments::InitialAlignments(const FixedFrame& frame,
     : frame_(frame), from_parameters_(std::move(from_parameters)) {}
 
 double InitialAlignments::set(
-    const SetRequest& request, ::ros::Time now,
+    const SetRequest& request, std::uint64_t now_ms,
     const std::function<std::shared_ptr<const HeldUltrasound>()>& newest) {
   std::optional<FramedAlignment> anchored;
   double residual_m = 0.0;
@@ -68,14 +68,19 @@ double InitialAlignments::set(
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   set_ = anchored;
-  set_at_ = now;
+  set_at_ms_ = now_ms;
   return residual_m;
 }
 
 void InitialAlignments::arrived(const msg::Alignment::ConstPtr& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
   accepted_ = message;
-  if (message->state == msg::Alignment::ACCEPTED && message->accepted > set_at_) set_.reset();
+  if (message->state == msg::Alignment::ACCEPTED && message->result_id > set_at_ms_) set_.reset();
+}
+
+std::string InitialAlignments::policy() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return accepted_ ? accepted_->policy : "";
 }
 
 InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignment,
@@ -85,10 +90,11 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 }
 
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
-                                                            const std::string& ct_frame) const {
+                                                            const HeldCt& ct) const {
   if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
   // The alignment of another CT is not valid for this one.
-  if (accepted_->ct_frame != ct_frame) return std::nullopt;
+  if (accepted_->ct_frame != ct.header.frame_id || accepted_->ct_crc32 != ct.crc32)
+    return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);
   return in_ultrasound({accepted_->header.frame_id, T}, us,
@@ -97,7 +103,7 @@ std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound
 
 std::optional<InitialAlignment> InitialAlignments::choose(
     const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-    const std::string& ct_frame) const {
+    const HeldCt& ct) const {
   if (of_goal) {
     const Isometry3d T =
         transform_mm(of_goal->transform, "goal: 'initial.transform'", Status::INVALID_REQUEST);
@@ -105,7 +111,7 @@ std::optional<InitialAlignment> InitialAlignments::choose(
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   if (set_) return in_ultrasound(*set_, us, "set");
-  if (const auto alignment = accepted(us, ct_frame)) return alignment;
+  if (const auto alignment = accepted(us, ct)) return alignment;
   if (from_parameters_) return in_ultrasound(*from_parameters_, us, "parameters");
   return std::nullopt;
 }

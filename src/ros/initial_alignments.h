@@ -5,6 +5,7 @@
 #include <us_ct_registration/SetInitialAlignment.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -38,22 +39,23 @@ class InitialAlignments {
 
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
   /// which `newest` returns or refuses; `newest` is called only if the request's frame is not the
-  /// fixed one. Returns the residual between landmarks, m. Refuses with INVALID_REQUEST or
-  /// TF_UNAVAILABLE; then nothing changes.
-  double set(const us_ct_registration::SetInitialAlignment::Request& request, ::ros::Time now,
+  /// fixed one. `now_ms` is the time as in the results' numbers. Returns the residual between
+  /// landmarks, m. Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then nothing changes.
+  double set(const us_ct_registration::SetInitialAlignment::Request& request, std::uint64_t now_ms,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
+  /// Policy of tf_publisher; empty until an alignment has arrived.
+  std::string policy() const;
 
   /// Pose of the first source that has one; empty if none has. Refuses with TF_UNAVAILABLE,
   /// INVALID_REQUEST (`of_goal`) or INVALID_MESSAGE.
   std::optional<InitialAlignment> choose(
       const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-      const std::string& ct_frame) const;
+      const HeldCt& ct) const;
 
  private:
-  std::optional<InitialAlignment> accepted(const HeldUltrasound& us,
-                                           const std::string& ct_frame) const;
+  std::optional<InitialAlignment> accepted(const HeldUltrasound& us, const HeldCt& ct) const;
   InitialAlignment in_ultrasound(const FramedAlignment& alignment, const HeldUltrasound& us,
                                  const std::string& source) const;
 
@@ -62,7 +64,7 @@ class InitialAlignments {
 
   mutable std::mutex mutex_;
   std::optional<FramedAlignment> set_;
-  ::ros::Time set_at_;
+  std::uint64_t set_at_ms_ = 0;
   us_ct_registration::Alignment::ConstPtr accepted_;
 };
 

@@ -4,6 +4,8 @@
 
 #include <exception>
 
+#include "ros/guarded_queue.h"
+
 namespace usct::ros_interface {
 
 /// Runs a node class until shutdown, and returns the exit status: 2, after a message, if the node
@@ -19,7 +21,8 @@ int run_node(int argc, char** argv, const char* name) {
   try {
     constexpr unsigned kThreads = 4;
     ::ros::AsyncSpinner spinner(kThreads);
-    Node instance(node, private_node);
+    GuardedQueue queue(*node.getCallbackQueue());
+    Node instance(with_queue(node, queue), with_queue(private_node, queue));
     spinner.start();
     ::ros::waitForShutdown();
   } catch (const std::exception& error) {

@@ -1,5 +1,7 @@
 #include "ros/parameters.h"
 
+#include <ros/names.h>
+
 #include <sstream>
 
 #include "us_ct_registration/error.h"
@@ -29,6 +31,22 @@ double as_number(const XmlRpcValue& value, const std::string& name) {
   if (copy.getType() == XmlRpcValue::TypeInt) return static_cast<int>(copy);
   if (copy.getType() == XmlRpcValue::TypeDouble) return static_cast<double>(copy);
   throw InputError(name, "is " + shown(value) + ", must be a number");
+}
+
+/// registration.launch keeps a copy of the parameters of its argument `override`.
+void require_known_override(const std::string& name, const std::string& node) {
+  static const std::set<std::string> kNodes = {"ct_server", "registration", "tf_publisher",
+                                               "us_cloud", "us_ingest"};
+  const std::string prefix =
+      ::ros::names::append(::ros::names::parentNamespace(node), "override") + "/";
+  if (name.compare(0, prefix.size(), prefix) != 0) return;
+  const std::string first =
+      name.substr(prefix.size(), name.find('/', prefix.size()) - prefix.size());
+  if (kNodes.count(first) > 0) return;
+  std::string all;
+  for (const std::string& known : kNodes) all += (all.empty() ? "" : ", ") + known;
+  throw InputError("override: '" + first + "'",
+                   "is not a node of registration.launch; it has: " + all);
 }
 
 }  // namespace
@@ -96,9 +114,23 @@ std::vector<double> Parameters::numbers(const std::string& key, std::size_t coun
   return found;
 }
 
+std::string Parameters::frame(const std::string& key, const std::string& fallback) {
+  const std::string found = text(key, fallback);
+  if (!found.empty() && found.front() == '/')
+    throw InputError(name(key), "is '" + found + "', must be a frame without leading /");
+  return found;
+}
+
+double read_diagnostic_period(Parameters& parameters) {
+  constexpr double kLeastS = 0.05;
+  constexpr double kMostS = 3600.0;
+  return parameters.number("diagnostic_period", 1.0, kLeastS, kMostS);
+}
+
 void Parameters::finish() const {
   std::vector<std::string> names;
   node_.getParamNames(names);
+  for (const std::string& full : names) require_known_override(full, node_.getNamespace());
   const std::string prefix = node_.getNamespace() + "/";
   for (const std::string& full : names) {
     if (full.compare(0, prefix.size(), prefix) != 0) continue;

@@ -28,6 +28,9 @@ class Parameters {
   /// A list of exactly `count` numbers; empty if the key is not set.
   std::vector<double> numbers(const std::string& key, std::size_t count);
 
+  /// Name of a tf frame, or an empty text. tf2 knows no names with a leading slash.
+  std::string frame(const std::string& key, const std::string& fallback);
+
   /// Throws InputError if the parameter server has a key below the node that was not read.
   void finish() const;
 
@@ -38,5 +41,8 @@ class Parameters {
   ::ros::NodeHandle node_;
   std::set<std::string> known_;
 };
+
+/// The parameter `diagnostic_period`, which diagnostic_updater reads as well, s.
+double read_diagnostic_period(Parameters& parameters);
 
 }  // namespace usct::ros_interface

@@ -27,6 +27,7 @@ std::string code_name(std::uint8_t code) {
       {Status::FILE_ERROR, "FILE_ERROR"},
       {Status::BUSY, "BUSY"},
       {Status::NOTHING_TO_DECIDE, "NOTHING_TO_DECIDE"},
+      {Status::NOT_RUNNING, "NOT_RUNNING"},
   };
   const auto found = kNames.find(code);
   return found == kNames.end() ? std::to_string(code) : found->second;

@@ -5,6 +5,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/registration_result.h"
+#include "ros/conversions/times.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
@@ -39,6 +40,8 @@ struct Registrar::Inputs {
   Chosen chosen;
   std::shared_ptr<const HeldCt> ct;
   std::shared_ptr<const HeldUltrasound> us;
+  /// Header of the ultrasound, also if the ultrasound is refused.
+  std_msgs::Header us_header;
   InitialAlignment start;
 };
 
@@ -77,20 +80,23 @@ void Registrar::collect(const RegistrationRequest& request, Inputs& inputs) {
   inputs.chosen = options_of(request);
   inputs.ct = volumes_.ct(request.cancelled);
   inputs.us = volumes_.ultrasound(request.us_stamp, request.cancelled);
+  inputs.us_header = inputs.us->header;
   const ::ros::Time us_stamp = inputs.us->header.stamp;
   const ::ros::Time ct_stamp = inputs.ct->header.stamp;
-  if (us_stamp < ct_stamp && !options_.allow_older_ultrasound)
-    throw Refusal(Status::ULTRASOUND_OUTDATED,
-                  "the ultrasound with the stamp " + seconds_text(us_stamp) + " was acquired " +
-                      seconds_text((ct_stamp - us_stamp).toSec()) +
-                      " s before the CT was loaded (" + seconds_text(ct_stamp) +
-                      "): it may show another patient; allow_older_ultrasound is false");
+  if (is_older(*inputs.us, *inputs.ct) && !options_.allow_older_ultrasound)
+    throw Refusal(
+        Status::ULTRASOUND_OUTDATED,
+        "the ultrasound with the stamp " + seconds_text(us_stamp) + " was acquired " +
+            (us_stamp < ct_stamp ? seconds_text(seconds_between(us_stamp, ct_stamp)) + " s "
+                                 : "and the clock set back ") +
+            "before the CT was loaded (" + seconds_text(ct_stamp) +
+            "): it may show another patient; allow_older_ultrasound is false");
   choose_start(request, inputs);
 }
 
 void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs) const {
   const std::optional<InitialAlignment> known =
-      alignments_.choose(request.initial, *inputs.us, inputs.ct->header.frame_id);
+      alignments_.choose(request.initial, *inputs.us, *inputs.ct);
   if (known) {
     inputs.start = *known;
     return;
@@ -135,12 +141,11 @@ void Registrar::describe(const Inputs& inputs, msg::RegistrationResult& result) 
     result.ct_revision = inputs.ct->revision;
     result.ct_crc32 = inputs.ct->crc32;
   }
-  if (inputs.us) {
-    result.header.stamp = inputs.us->header.stamp;
-    result.header.frame_id = inputs.us->header.frame_id;
-    result.us_stamp = inputs.us->header.stamp;
-    result.fixed_frame = frame_.name(inputs.us->header);
-  }
+  if (inputs.us_header.frame_id.empty()) return;
+  result.header.stamp = inputs.us_header.stamp;
+  result.header.frame_id = inputs.us_header.frame_id;
+  result.us_stamp = inputs.us_header.stamp;
+  result.fixed_frame = frame_.name(inputs.us_header);
 }
 
 msg::RegistrationResult Registrar::run(const RegistrationRequest& request) {
@@ -154,9 +159,16 @@ msg::RegistrationResult Registrar::run(const RegistrationRequest& request) {
     result = to_message(found);
     if (found.T_us_ct)
       result.fixed_transform = to_message(inputs.us->pose.T_fixed_us * *found.T_us_ct);
+    msg::Measure motion;
+    motion.name = "sweep_motion_mm";
+    motion.value = inputs.us->sweep_motion_mm;
+    result.measures.push_back(motion);
     if (inputs.us->pose.age_s > 0.0)
       result.status.message += "; tf was " + seconds_text(inputs.us->pose.age_s) +
                                " s older than the ultrasound's stamp";
+  } catch (const UltrasoundRefusal& refusal) {
+    inputs.us_header = refusal.header();
+    refuse(refusal.status(), result);
   } catch (const Refusal& refusal) {
     refuse(refusal.status(), result);
   } catch (const std::exception& error) {

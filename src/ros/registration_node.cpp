@@ -1,9 +1,11 @@
 #include "ros/registration_node.h"
 
+#include <algorithm>
 #include <future>
 #include <memory>
 #include <optional>
 
+#include "ros/conversions/times.h"
 #include "ros/publisher_check.h"
 #include "ros/refusal.h"
 #include "ros/status.h"
@@ -18,9 +20,10 @@ using Status = msg::StatusCode;
 /// volumes.
 constexpr unsigned kCallbackThreads = 4;
 
-::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueue& queue) {
-  node.setCallbackQueue(&queue);
-  return node;
+/// Simulated time may jump back, and begins anew with each bag.
+std::uint64_t wall_time_ms() {
+  constexpr std::uint64_t kNsPerMs = 1'000'000;
+  return ::ros::WallTime::now().toNSec() / kNsPerMs;
 }
 
 template <typename Message>
@@ -33,13 +36,18 @@ ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
 
 RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
                                    const ::ros::NodeHandle& private_node)
-    : node_(with_queue(node, queue_)),
+    : node_(with_queue(node, guarded_)),
       parameters_(read_registration_parameters(private_node)),
       tf_(::ros::Duration(parameters_.tf_history_s)),
-      tf_listener_(tf_, node),
+      tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
-      volumes_(frame_, parameters_.volumes, [this] { jobs_.wake(); }),
+      ct_publisher_(node_.advertise<msg::CtInfo>("registration/ct", 1, true)),
+      volumes_(frame_, parameters_.volumes,
+               [this] {
+                 announce_ct();
+                 jobs_.wake();
+               }),
       registrar_(parameters_.registrar, volumes_, alignments_, frame_, parameters_.source),
       result_publisher_(node_.advertise<Result>("registration/result", 1, true)),
       action_(
@@ -81,18 +89,23 @@ void RegistrationNode::subscribe() {
   register_service_ = node_.advertiseService("register", &RegistrationNode::on_register, this);
   set_service_ = node_.advertiseService("registration/set_initial_alignment",
                                         &RegistrationNode::on_set_initial_alignment, this);
+  cancel_service_ =
+      node_.advertiseService("registration/cancel", &RegistrationNode::on_cancel_request, this);
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ct() {
-  return node_.subscribe<msg::CtVolume>(
-      "ct/volume", 1,
-      [this](const msg::CtVolume::ConstPtr& message) { volumes_.arrived(message); });
+  return node_.subscribe<msg::CtVolume>("ct/volume", 1,
+                                        [this](const msg::CtVolume::ConstPtr& message) {
+                                          volumes_.arrived(message, ::ros::Time::now());
+                                        });
 }
 
 ::ros::Subscriber RegistrationNode::subscribe_ultrasound() {
   return node_.subscribe<msg::PreScanVolume>(
       "us/volume", static_cast<std::uint32_t>(parameters_.volumes.ultrasound_volumes),
-      [this](const msg::PreScanVolume::ConstPtr& message) { volumes_.arrived(message); });
+      [this](const msg::PreScanVolume::ConstPtr& message) {
+        volumes_.arrived(message, ::ros::Time::now());
+      });
 }
 
 bool RegistrationNode::reserve(const std::string& name, Result& busy) {
@@ -120,12 +133,21 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
   const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
     response.residual = alignments_.set(
-        request, ::ros::Time::now(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
+        request, wall_time_ms(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
+  } catch (const std::exception& error) {
+    response.status = status(Status::FAILED, error.what());
   }
+  return true;
+}
+
+bool RegistrationNode::on_cancel_request(msg::Cancel::Request&, msg::Cancel::Response& response) {
+  const std::optional<std::string> cancelled = jobs_.cancel_request();
+  response.status = cancelled ? status(Status::OK, *cancelled + " is cancelled")
+                              : status(Status::NOT_RUNNING, "no requested registration is running");
   return true;
 }
 
@@ -168,11 +190,21 @@ void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {
 
 RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
   Result result = registrar_.run(job.request);
+  try {
+    finish(job, result);
+  } catch (const std::exception& error) {
+    log_escaped("a registration", error);
+    result = Result();
+    result.status = status(Status::FAILED, error.what());
+  }
+  return result;
+}
+
+void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
   if (!job.is_continuous()) explain_nothing(job, result);
   // A request cancels a continuous registration, for whose result no caller waits.
   if (!job.is_continuous() || result.status.code != Status::CANCELLED)
     publish(result, job.is_continuous());
-  return result;
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
@@ -190,12 +222,40 @@ void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& resul
 }
 
 void RegistrationNode::publish(Result& result, bool continuous) {
-  result.id = ++last_id_;
+  // The clock may have been set back.
+  result.id = last_id_ = std::max(last_id_ + 1, wall_time_ms());
+  if (result.status.code == Status::REGISTERED) result.status.message += next_step(result);
   statistics_.count(result, continuous, ::ros::Time::now());
+  ROS_INFO("result %lu, %s, ultrasound of %s s, CT revision %u, start %s, %.2f s: %s", result.id,
+           code_name(result.status.code).c_str(), seconds_text(result.us_stamp).c_str(),
+           result.ct_revision,
+           result.initial_alignment.empty() ? "none" : result.initial_alignment.c_str(),
+           result.durations.back().value, result.status.message.c_str());
   result_publisher_.publish(result);
 }
 
+std::string RegistrationNode::next_step(const Result& result) const {
+  const std::string policy = alignments_.policy();
+  const std::string accept = node_.resolveName("registration/accept");
+  if (policy.empty())
+    return "; it is not broadcast, for no tf_publisher was heard on '" +
+           node_.resolveName("registration/alignment") + "'";
+  if (policy == "auto") return "; tf_publisher accepts it by itself";
+  return "; it waits until a person accepts it: rosservice call " + accept + " " +
+         std::to_string(result.id);
+}
+
+void RegistrationNode::announce_ct() {
+  const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
+  if (!ct || (announced_ct_.revision == ct->revision && announced_ct_.crc32 == ct->crc32)) return;
+  announced_ct_.header = ct->header;
+  announced_ct_.revision = ct->revision;
+  announced_ct_.crc32 = ct->crc32;
+  ct_publisher_.publish(announced_ct_);
+}
+
 void RegistrationNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  volumes_.notice_time(::ros::Time::now());
   statistics_.describe(volumes_.state(), jobs_.running(), ::ros::Time::now(), diagnosis);
 }
 

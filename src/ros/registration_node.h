@@ -4,18 +4,22 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
-#include <tf2_ros/transform_listener.h>
+#include <tf2/buffer_core.h>
+#include <us_ct_registration/Cancel.h>
+#include <us_ct_registration/CtInfo.h>
 #include <us_ct_registration/Register.h>
 #include <us_ct_registration/RegisterAction.h>
 
 #include <cstdint>
 #include <string>
 
+#include "ros/guarded_queue.h"
 #include "ros/registrar.h"
 #include "ros/registration_parameters.h"
 #include "ros/registration_queue.h"
 #include "ros/registration_statistics.h"
 #include "ros/registration_worker.h"
+#include "ros/tf_input.h"
 
 namespace usct::ros_interface {
 
@@ -44,6 +48,8 @@ class RegistrationNode {
                    us_ct_registration::Register::Response& response);
   bool on_set_initial_alignment(us_ct_registration::SetInitialAlignment::Request& request,
                                 us_ct_registration::SetInitialAlignment::Response& response);
+  bool on_cancel_request(us_ct_registration::Cancel::Request&,
+                         us_ct_registration::Cancel::Response& response);
   void on_goal(ActionServer::GoalHandle goal);
   void on_cancel(ActionServer::GoalHandle goal);
 
@@ -51,24 +57,36 @@ class RegistrationNode {
   bool reserve(const std::string& name, Result& busy);
   /// Settings and callbacks of the worker.
   RegistrationWorker::Work work();
+  /// Never throws.
   Result run(RegistrationJob& job);
+  /// Completes the result of a registration, counts and publishes it.
+  void finish(const RegistrationJob& job, Result& result);
   /// Adds to a refusal for lack of a volume the reason why no volume has arrived.
   void explain_nothing(const RegistrationJob& job, Result& result);
+  /// Gives the result its number, and publishes, counts and logs it.
   void publish(Result& result, bool continuous);
+  /// What a person has to do before a registered result is broadcast, in words.
+  std::string next_step(const Result& result) const;
+  /// Publishes which CT is held, if it is another one than before.
+  void announce_ct();
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ::ros::CallbackQueue queue_;
+  GuardedQueue guarded_{queue_};
   ::ros::NodeHandle node_;
   const RegistrationParameters parameters_;
   tf2::BufferCore tf_;
-  tf2_ros::TransformListener tf_listener_;
+  TfInput tf_input_;
   FixedFrame frame_;
   InitialAlignments alignments_;
   RegistrationStatistics statistics_;
 
   RegistrationQueue jobs_;
-  std::uint32_t last_id_ = 0;
+  std::uint64_t last_id_ = 0;
 
+  // Both are used by the thread of `volumes_`.
+  ::ros::Publisher ct_publisher_;
+  us_ct_registration::CtInfo announced_ct_;
   HeldVolumes volumes_;
   Registrar registrar_;
   ::ros::Publisher result_publisher_;
@@ -77,6 +95,7 @@ class RegistrationNode {
   ::ros::Subscriber alignment_subscriber_;
   ::ros::ServiceServer register_service_;
   ::ros::ServiceServer set_service_;
+  ::ros::ServiceServer cancel_service_;
   ActionServer action_;
   diagnostic_updater::Updater updater_;
   ::ros::WallTimer diagnostics_timer_;

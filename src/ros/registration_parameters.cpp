@@ -11,13 +11,20 @@ namespace usct::ros_interface {
 namespace {
 
 constexpr double kRadPerDeg = 0.017453292519943295;
+/// A day: longer times could not be added to a stamp.
+constexpr double kLongestS = 86400.0;
+constexpr double kLongestSweepS = 60.0;
 
 void read_frame(Parameters& parameters, FixedFrameOptions& frame) {
-  frame.frame = parameters.text("fixed_frame", frame.frame);
+  frame.frame = parameters.frame("fixed_frame", frame.frame);
   frame.max_tf_age_s = parameters.number("max_tf_age", frame.max_tf_age_s, 0.0);
-  frame.jump_window_s = parameters.number("jump_window", frame.jump_window_s, 0.0);
+  frame.jump_window_s = parameters.number("jump_window", frame.jump_window_s, 0.0, kLongestS);
   frame.max_jump_mm = parameters.number("max_jump_mm", frame.max_jump_mm, 0.0);
   frame.max_jump_deg = parameters.number("max_jump_deg", frame.max_jump_deg, 0.0);
+  frame.max_sweep_motion_mm =
+      parameters.number("max_sweep_motion_mm", frame.max_sweep_motion_mm, 0.0);
+  frame.sweep_duration_s =
+      parameters.number("sweep_duration", frame.sweep_duration_s, 0.0, kLongestSweepS);
 }
 
 std::vector<double> three_numbers(Parameters& parameters, const std::string& key) {
@@ -28,13 +35,13 @@ std::vector<double> three_numbers(Parameters& parameters, const std::string& key
 /// The angles are rotations about the fixed axes x, y, z, in this order.
 std::optional<FramedAlignment> read_initial_alignment(Parameters& parameters,
                                                       const ::ros::NodeHandle& node) {
-  const std::string frame = parameters.text("initial_alignment/frame", "");
+  const std::string frame = parameters.frame("initial_alignment/frame", "");
   const std::vector<double> t_m = three_numbers(parameters, "initial_alignment/translation");
-  const std::vector<double> r_deg = three_numbers(parameters, "initial_alignment/rotation");
+  const std::vector<double> r_deg = three_numbers(parameters, "initial_alignment/rotation_deg");
   if (frame.empty()) {
     if (t_m != std::vector<double>(3, 0.0) || r_deg != std::vector<double>(3, 0.0))
       throw InputError(node.resolveName("initial_alignment/frame"),
-                       "is empty, must be set with a translation or rotation");
+                       "is empty, must be set with a translation or rotation_deg");
     return std::nullopt;
   }
   FramedAlignment alignment;
@@ -71,7 +78,6 @@ void read_registrar(Parameters& parameters, const ::ros::NodeHandle& node,
 RegistrationParameters read_registration_parameters(const ::ros::NodeHandle& private_node) {
   constexpr int kMostVolumes = 100;
   constexpr int kMostThreads = 1024;
-  constexpr double kLeastPeriod = 0.05;
   Parameters parameters(private_node);
   RegistrationParameters all;
   read_frame(parameters, all.frame);
@@ -79,12 +85,12 @@ RegistrationParameters read_registration_parameters(const ::ros::NodeHandle& pri
   all.initial_alignment = read_initial_alignment(parameters, private_node);
   all.volumes.ultrasound_volumes =
       parameters.whole("volumes_kept", all.volumes.ultrasound_volumes, 1, kMostVolumes);
-  all.volumes.tf_timeout_s = parameters.number("tf_timeout", all.volumes.tf_timeout_s, 0.0);
-  all.tf_history_s = parameters.number("tf_history", all.tf_history_s, 1.0);
+  all.volumes.tf_timeout_s =
+      parameters.number("tf_timeout", all.volumes.tf_timeout_s, 0.0, kLongestS);
+  all.tf_history_s = parameters.number("tf_history", all.tf_history_s, 1.0, kLongestS);
   all.threads = parameters.whole("threads", all.threads, 0, kMostThreads);
   all.continuous = parameters.flag("continuous", all.continuous);
-  all.diagnostic_period_s =
-      parameters.number("diagnostic_period", all.diagnostic_period_s, kLeastPeriod);
+  all.diagnostic_period_s = read_diagnostic_period(parameters);
   all.source = private_node.resolveName(all.registrar.options.empty() ? "preset" : "options");
   parameters.finish();
   return all;

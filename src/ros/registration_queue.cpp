@@ -30,6 +30,16 @@ void RegistrationQueue::cancel(const std::string& goal_id) {
     if (job && job->goal_id == goal_id) job->cancelled = true;
 }
 
+std::optional<std::string> RegistrationQueue::cancel_request() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  for (const Job& job : {pending_, running_})
+    if (job && !job->is_continuous()) {
+      job->cancelled = true;
+      return job->name;
+    }
+  return std::nullopt;
+}
+
 void RegistrationQueue::stop() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);

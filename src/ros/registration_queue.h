@@ -47,6 +47,8 @@ class RegistrationQueue {
   void put(const Job& job);
   /// Cancels the request with this goal, if it waits or runs.
   void cancel(const std::string& goal_id);
+  /// Cancels the request that waits or runs, if any, and returns its name.
+  std::optional<std::string> cancel_request();
 
   /// Cancels the running registration. From then on `reserve` refuses; a request that has the place
   /// is still handed out, cancelled, so that it is answered.

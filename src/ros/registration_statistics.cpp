@@ -1,5 +1,6 @@
 #include "ros/registration_statistics.h"
 
+#include "ros/conversions/times.h"
 #include "ros/refusal.h"
 
 namespace usct::ros_interface {
@@ -13,7 +14,7 @@ using diagnostic_updater::DiagnosticStatusWrapper;
 constexpr std::chrono::seconds kRateWindow(10);
 
 std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {
-  return seconds_text(stamp) + " (" + seconds_text((now - stamp).toSec()) + " s ago)";
+  return seconds_text(stamp) + " (" + seconds_text(seconds_between(stamp, now)) + " s ago)";
 }
 
 void describe_held(const HeldState& held, const ::ros::Time& now, DiagnosticStatusWrapper& status) {
@@ -47,7 +48,7 @@ void RegistrationStatistics::count(const us_ct_registration::RegistrationResult&
     ++refusals_[result.status.code];
   if (!continuous) return;
   continuous_ends_.push_back(Clock::now());
-  continuous_age_s_ = (now - result.header.stamp).toSec();
+  continuous_age_s_ = seconds_between(result.header.stamp, now);
   while (continuous_ends_.back() - continuous_ends_.front() > kRateWindow)
     continuous_ends_.pop_front();
 }

@@ -2,6 +2,8 @@
 
 #include <omp.h>
 
+#include "ros/guarded_queue.h"
+
 namespace usct::ros_interface {
 
 RegistrationWorker::RegistrationWorker(RegistrationQueue& queue, Work work)
@@ -28,7 +30,11 @@ void RegistrationWorker::loop() {
     const us_ct_registration::RegistrationResult result = work_.run(*job);
     // The place is freed before the answer is sent, because the caller may ask again at once.
     queue_.finished(*job);
-    if (job->done) job->done(result);
+    try {
+      if (job->done) job->done(result);
+    } catch (const std::exception& error) {
+      log_escaped("the answer to a request", error);
+    }
   }
 }
 

@@ -1,6 +1,9 @@
 #include "ros/tf_publisher.h"
 
-#include <algorithm>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+
+#include <chrono>
+#include <thread>
 
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/times.h"
@@ -15,39 +18,75 @@ namespace {
 namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
 
+/// A result's number may be ahead of this machine's clock by this much.
+constexpr std::int64_t kClockToleranceMs = 100;
+constexpr std::int64_t kNsPerMs = 1'000'000;
+
 const char* name_of(const AlignmentState& state) {
   if (!state.broadcast) return "none";
   return state.broadcast->restored ? "restored" : "accepted";
 }
 
-std::int64_t now_ns() { return nanoseconds_from(::ros::Time::now()); }
+/// Of the wall clock: simulated time may jump back, and says nothing over a restart.
+std::int64_t now_ns() { return static_cast<std::int64_t>(::ros::WallTime::now().toNSec()); }
 
 }  // namespace
 
 TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
-    : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
+    : started_ns_(now_ns()),
+      node_(node),
+      diagnostics_(node, private_node, private_node.getNamespace()) {
+  constexpr double kLongestAgeS = 7.0 * 24.0 * 3600.0;
   Parameters parameters(private_node);
   AlignmentDecisions::Options options;
-  options.fixed_frame = parameters.text("fixed_frame", "");
-  options.accept_at_once = parameters.choice("policy", "confirm", {"auto", "confirm"}) == "auto";
+  options.fixed_frame = parameters.frame("fixed_frame", "");
+  policy_ = parameters.choice("policy", "confirm", {"auto", "confirm"});
+  options.accept_at_once = policy_ == "auto";
   options.restore_at_once =
-      parameters.choice("restore", "same_ct", {"same_ct", "confirm"}) == "same_ct";
+      parameters.choice("restore", "confirm", {"same_ct", "confirm"}) == "same_ct";
+  options.restore_max_age_s =
+      parameters.number("restore_max_age", options.restore_max_age_s, 0.0, kLongestAgeS);
   alignment_file_ = parameters.text("alignment_file", "");
-  const double rate_hz = parameters.number("rate", 20.0, 1.0, 1000.0);
-  const double tolerance_s = parameters.number("transform_tolerance", 0.2, 0.0, 10.0);
+  AlignmentBroadcaster::Options broadcasts;
+  broadcasts.rate_hz = parameters.number("rate", broadcasts.rate_hz, 1.0, 1000.0);
+  broadcasts.tolerance_s =
+      parameters.number("transform_tolerance", broadcasts.tolerance_s, 0.0, 10.0);
+  const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
-  if (tolerance_s * rate_hz < 1.0)
+  if (broadcasts.tolerance_s * broadcasts.rate_hz < 1.0)
     throw InputError(private_node.resolveName("transform_tolerance"),
-                     "is " + std::to_string(tolerance_s) + " s, must be >= 1 / rate = " +
-                         std::to_string(1.0 / rate_hz) + " s, or look-ups fail between broadcasts");
-  transform_tolerance_ = ::ros::Duration(tolerance_s);
+                     "is " + std::to_string(broadcasts.tolerance_s) +
+                         " s, must be >= 1 / rate = " + std::to_string(1.0 / broadcasts.rate_hz) +
+                         " s, or look-ups fail between broadcasts");
+  tolerance_ = ::ros::WallDuration(broadcasts.tolerance_s);
   decisions_ = AlignmentDecisions(options);
   restore();
-
-  alignment_publisher_ = node_.advertise<msg::Alignment>("registration/alignment", 1, true);
+  broadcaster_ = std::make_unique<AlignmentBroadcaster>(node_, broadcasts, watch_);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("alignment", this, &TfPublisher::diagnose);
-  publish_alignment();
+  advertise();
+  subscribe();
+  constexpr double kTfPeriodS = 0.05;
+  tf_timer_ = node_.createWallTimer(::ros::WallDuration(kTfPeriodS),
+                                    [this](const ::ros::WallTimerEvent&) { check_tf(); });
+  diagnostics_timer_ =
+      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
+                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  pose_timer_ =
+      node_.createWallTimer(::ros::WallDuration(1.0), [this](const ::ros::WallTimerEvent&) {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        publish_pose(decisions_.state());
+      });
+}
+
+void TfPublisher::advertise() {
+  alignment_publisher_ = node_.advertise<msg::Alignment>("registration/alignment", 1, true);
+  // These two are not latched: nobody could take a latched pose back once it holds no more.
+  pose_publisher_ =
+      node_.advertise<geometry_msgs::PoseWithCovarianceStamped>("registration/pose", 10);
+  transform_publisher_ =
+      node_.advertise<geometry_msgs::TransformStamped>("registration/transform", 10);
+  show();
   accept_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
       "registration/accept", [this](Decide::Request& request, Decide::Response& response) {
         return decide([&](AlignmentDecisions& d) { return d.accept(request.result_id, now_ns()); },
@@ -61,24 +100,34 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
       "registration/revert", [this](Decide::Request&, Decide::Response& response) {
         return decide([](AlignmentDecisions& d) { return d.revert(); }, response);
       });
-  ct_subscriber_ = node_.subscribe("ct/info", 1, &TfPublisher::on_ct, this);
+}
+
+void TfPublisher::subscribe() {
+  constexpr std::uint32_t kTfQueue = 1000;
+  tf_static_subscriber_ = node_.subscribe<tf2_msgs::TFMessage>(
+      "/tf_static", kTfQueue,
+      ::boost::function<void(const TfEvent&)>([this](const TfEvent& e) { on_tf(e, true); }));
+  tf_subscriber_ = node_.subscribe<tf2_msgs::TFMessage>(
+      "/tf", kTfQueue,
+      ::boost::function<void(const TfEvent&)>([this](const TfEvent& e) { on_tf(e, false); }));
+  ct_subscriber_ = node_.subscribe<msg::CtInfo>(
+      "ct/info", 1, [this](const msg::CtInfoConstPtr& info) { on_ct(CtSource::kServer, info); });
+  registered_ct_subscriber_ = node_.subscribe<msg::CtInfo>(
+      "registration/ct", 1,
+      [this](const msg::CtInfoConstPtr& info) { on_ct(CtSource::kRegistration, info); });
   result_subscriber_ = node_.subscribe("registration/result", 10, &TfPublisher::on_result, this);
-  broadcast_timer_ = node_.createTimer(::ros::Duration(1.0 / rate_hz),
-                                       [this](const ::ros::TimerEvent&) { broadcast(); });
-  // The timer above follows simulated time, which stands still once a bag has ended. Late
-  // subscribers must get the transform as well.
-  still_clock_timer_ = node_.createWallTimer(::ros::WallDuration(1.0),
-                                             [this](const ::ros::WallTimerEvent&) { broadcast(); });
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(1.0),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
 }
 
 void TfPublisher::restore() {
   if (alignment_file_.empty()) return;
   try {
-    const DecisionAnswer answer = decisions_.restore(read_alignment(alignment_file_));
+    const DecisionAnswer answer = decisions_.restore(read_alignment(alignment_file_), now_ns());
     if (answer.is_done()) return;
+    if (answer.code == DecisionAnswer::Code::kNothingToDecide) {
+      last_refusal_ = answer.message;
+      ROS_WARN("alignment_file: %s", last_refusal_.c_str());
+      return;
+    }
     file_error_ = answer.message;
   } catch (const std::exception& error) {
     file_error_ = error.what();
@@ -93,10 +142,30 @@ void TfPublisher::store(const StoredAlignment& changed) {
   file_error_.clear();
 }
 
+std::string TfPublisher::why_ask(const msg::RegistrationResult& result) const {
+  const auto result_ms = static_cast<std::int64_t>(result.id);
+  if (result_ms <= started_ns_ / kNsPerMs)
+    return "it is from before tf_publisher was started, and may have been given up since";
+  const std::int64_t ahead_ms = result_ms - now_ns() / kNsPerMs;
+  if (ahead_ms > kClockToleranceMs)
+    return "its time is " + seconds_text(1e-3 * static_cast<double>(ahead_ms)) +
+           " s ahead of this machine's clock, so that it may be from before tf_publisher was "
+           "started; let the clocks agree";
+  return watch_.conflict(result.fixed_frame, result.ct_frame, TfWatch::Clock::now());
+}
+
+std::string TfPublisher::conflict(const AlignmentState& state) const {
+  if (!state.broadcast) return "";
+  return watch_.conflict(state.broadcast->fixed_frame, state.broadcast->ct_frame,
+                         TfWatch::Clock::now());
+}
+
 msg::StatusCode TfPublisher::apply(const Change& change) {
   AlignmentDecisions changed = decisions_;
   const DecisionAnswer answer = change(changed);
   if (!answer.is_done()) return to_message(answer);
+  if (const std::string reason = conflict(changed.state()); !reason.empty())
+    return status(Code::INVALID_REQUEST, "nothing is changed: " + reason);
   try {
     store(changed.stored());
   } catch (const std::exception& error) {
@@ -110,69 +179,77 @@ msg::StatusCode TfPublisher::apply(const Change& change) {
 }
 
 void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    const OfferedResult offered = from_message(*result);
-    const msg::StatusCode answer =
-        apply([&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); });
-    if (answer.code != Code::OK && answer.code != Code::NOTHING_TO_DECIDE) {
-      last_refusal_ = answer.message;
-      ROS_WARN("%s", answer.message.c_str());
-    } else {
-      ROS_INFO("%s", answer.message.c_str());
-    }
-    publish_alignment();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  OfferedResult offered = from_message(*result);
+  offered.ask_because = why_ask(*result);
+  const msg::StatusCode answer =
+      apply([&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); });
+  const bool must_ask = policy_ == "auto" && decisions_.state().waiting_id == result->id;
+  if (must_ask || (answer.code != Code::OK && answer.code != Code::NOTHING_TO_DECIDE)) {
+    last_refusal_ = answer.message;
+    ROS_WARN("%s", answer.message.c_str());
+  } else {
+    ROS_INFO("%s", answer.message.c_str());
   }
-  broadcast();
+  show();
 }
 
-void TfPublisher::on_ct(const msg::CtInfoConstPtr& info) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    const std::string before = decisions_.state().message;
-    decisions_.hold_ct(info->crc32);
-    const std::string now = decisions_.state().message;
-    if (now != before) ROS_WARN("CT with revision %u: %s", info->revision, now.c_str());
-    publish_alignment();
-  }
-  broadcast();
+void TfPublisher::on_ct(CtSource source, const msg::CtInfoConstPtr& info) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::string before = decisions_.state().message;
+  decisions_.hold_ct(source, info->crc32, now_ns());
+  const std::string now = decisions_.state().message;
+  if (now != before) ROS_WARN("CT with revision %u: %s", info->revision, now.c_str());
+  show();
+}
+
+void TfPublisher::on_tf(const TfEvent& event, bool is_static) {
+  const TfWatch::Clock::time_point now = TfWatch::Clock::now();
+  for (const geometry_msgs::TransformStamped& transform : event.getConstMessage()->transforms)
+    watch_.heard(transform, event.getPublisherName(), is_static, now);
+}
+
+void TfPublisher::check_tf() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!conflict(decisions_.state()).empty()) show();
 }
 
 bool TfPublisher::decide(const Change& change, Decide::Response& response) {
+  ::ros::Time last_of_other;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     response.status = apply(change);
     ROS_INFO("%s", response.status.message.c_str());
-    publish_alignment();
+    last_of_other = show();
   }
-  broadcast();
+  // The caller may rely on tf once it has the answer. Simulated time may stand still or be slow.
+  const ::ros::WallTime end = ::ros::WallTime::now() + tolerance_ + tolerance_;
+  while (::ros::Time::now() <= last_of_other && ::ros::WallTime::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  if (::ros::Time::now() <= last_of_other)
+    response.status.message += "; simulated time has to pass " + seconds_text(last_of_other) +
+                               " before look-ups at the present time show it";
   return true;
 }
 
-void TfPublisher::publish_alignment() {
-  alignment_publisher_.publish(to_message(decisions_.state()));
+::ros::Time TfPublisher::show() {
+  if (const std::string reason = conflict(decisions_.state()); !reason.empty()) {
+    decisions_.suspend(reason);
+    ROS_ERROR("%s", decisions_.state().message.c_str());
+  }
+  const AlignmentState state = decisions_.state();
+  const ::ros::Time last_of_other = broadcaster_->show(state.broadcast);
+  msg::Alignment message = to_message(state);
+  message.policy = policy_;
+  alignment_publisher_.publish(message);
+  publish_pose(state);
+  return last_of_other;
 }
 
-void TfPublisher::broadcast() {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  const ::ros::Time now = ::ros::Time::now();
-  if (now.isZero()) return;  // simulated time has not begun
-  if (now < last_now_) {
-    ROS_WARN("time jumped back by %.3f s", (last_now_ - now).toSec());
-    last_stamp_ = ::ros::Time();
-  }
-  last_now_ = now;
-  const std::optional<Alignment> alignment = decisions_.state().broadcast;
-  if (!alignment) return;
-  geometry_msgs::TransformStamped transform;
-  // tf drops a second transform with the same stamp, so that a new alignment would be lost while
-  // simulated time stands still.
-  const ::ros::Time next(last_stamp_.sec, last_stamp_.nsec + 1);
-  transform.header.stamp = last_stamp_ = std::max(now + transform_tolerance_, next);
-  transform.header.frame_id = alignment->fixed_frame;
-  transform.child_frame_id = alignment->ct_frame;
-  transform.transform = to_message(alignment->T_fixed_ct);
-  broadcaster_.sendTransform(transform);
+void TfPublisher::publish_pose(const AlignmentState& state) {
+  if (!state.broadcast) return;
+  transform_publisher_.publish(to_transform_message(*state.broadcast));
+  if (const auto pose = to_pose_message(*state.broadcast)) pose_publisher_.publish(*pose);
 }
 
 void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
@@ -183,7 +260,9 @@ void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosi
   const bool is_held_back = !state.broadcast && decisions_.stored().alignment;
   const bool is_attention =
       alignment.restored || is_held_back || state.waiting_id != 0 || !last_refusal_.empty();
-  if (!file_error_.empty())
+  if (state.is_suspended)
+    diagnosis.summary(DiagnosticStatus::ERROR, state.message);
+  else if (!file_error_.empty())
     diagnosis.summary(DiagnosticStatus::ERROR, "alignment_file: " + file_error_);
   else
     diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK, state.message);
@@ -191,9 +270,13 @@ void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosi
   diagnosis.add("fixed frame", alignment.fixed_frame);
   diagnosis.add("CT frame", alignment.ct_frame);
   if (state.broadcast) {
-    const ::ros::Time now = ::ros::Time::now();
-    diagnosis.add("age of the ultrasound (s)", (now - time_from(alignment.us_stamp_ns)).toSec());
-    diagnosis.add("accepted since (s)", (now - time_from(alignment.accepted_ns)).toSec());
+    constexpr double kSecondsPerNs = 1e-9;
+    const auto age_s = [](std::int64_t now, std::int64_t then) {
+      return kSecondsPerNs * static_cast<double>(now - then);
+    };
+    diagnosis.add("age of the ultrasound (s)",
+                  age_s(nanoseconds_from(::ros::Time::now()), alignment.us_stamp_ns));
+    diagnosis.add("accepted since (s)", age_s(now_ns(), alignment.accepted_ns));
     diagnosis.add("expected error (mm)", 1000.0 * alignment.expected_error_m);
   }
   diagnosis.add("result", alignment.result_id);

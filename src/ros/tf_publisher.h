@@ -2,20 +2,24 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
-#include <tf2_ros/transform_broadcaster.h>
+#include <tf2_msgs/TFMessage.h>
 #include <us_ct_registration/CtInfo.h>
 #include <us_ct_registration/Decide.h>
 #include <us_ct_registration/RegistrationResult.h>
 
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <string>
 
+#include "ros/alignment_broadcaster.h"
+#include "ros/tf_watch.h"
 #include "us_ct_registration/registration/alignment_decisions.h"
 
 namespace usct::ros_interface {
 
-/// Broadcasts the accepted registration as the transform from fixed frame to CT frame.
+/// Decides which registration counts, and has it broadcast as the transform from fixed frame to CT
+/// frame: wires topics and services to AlignmentDecisions, AlignmentBroadcaster and TfWatch.
 /// docs/nodes/tf_publisher.md.
 class TfPublisher {
  public:
@@ -24,40 +28,61 @@ class TfPublisher {
  private:
   using Decide = us_ct_registration::Decide;
   using Change = std::function<DecisionAnswer(AlignmentDecisions&)>;
+  using TfEvent = ::ros::MessageEvent<const tf2_msgs::TFMessage>;
 
+  void advertise();
+  void subscribe();
   void restore();
   /// Writes the file if its content has changed. Throws as `write_alignment`.
   void store(const StoredAlignment& changed);
   void on_result(const us_ct_registration::RegistrationResultConstPtr& result);
-  void on_ct(const us_ct_registration::CtInfoConstPtr& info);
+  void on_ct(CtSource source, const us_ct_registration::CtInfoConstPtr& info);
+  void on_tf(const TfEvent& event, bool is_static);
   bool decide(const Change& change, Decide::Response& response);
-  /// Makes a change and stores it. If it cannot be stored, nothing changes.
+  /// Why a person has to decide on a result even with the policy `auto`, in words; empty if no
+  /// reason is known.
+  std::string why_ask(const us_ct_registration::RegistrationResult& result) const;
+  /// Why the alignment that is in force after a change must not be broadcast; empty if it may.
+  std::string conflict(const AlignmentState& state) const;
+  /// Makes a change and stores it. If it cannot be stored or broadcast, nothing changes.
   us_ct_registration::StatusCode apply(const Change& change);
-  void publish_alignment();
-  void broadcast();
+  /// Broadcasts and publishes the state, suspended if tf speaks against it. Returns as
+  /// `AlignmentBroadcaster::show`.
+  ::ros::Time show();
+  /// Suspends the alignment if tf speaks against it.
+  void check_tf();
+  /// Publishes the alignment that is broadcast, if any, as messages that other packages know.
+  void publish_pose(const AlignmentState& state);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
+  const std::int64_t started_ns_;
   ::ros::NodeHandle node_;
+  std::string policy_;
+  ::ros::WallDuration tolerance_;
+  TfWatch watch_;
+  std::unique_ptr<AlignmentBroadcaster> broadcaster_;
+
   std::mutex mutex_;  // guards the members below, up to file_error_
   AlignmentDecisions decisions_{{}};
   std::string alignment_file_;
-  ::ros::Duration transform_tolerance_;
-  ::ros::Time last_now_;
-  ::ros::Time last_stamp_;
   std::string last_refusal_;
   std::string file_error_;
 
-  tf2_ros::TransformBroadcaster broadcaster_;
   ::ros::Publisher alignment_publisher_;
+  ::ros::Publisher pose_publisher_;
+  ::ros::Publisher transform_publisher_;
   ::ros::Subscriber result_subscriber_;
   ::ros::Subscriber ct_subscriber_;
+  ::ros::Subscriber registered_ct_subscriber_;
+  ::ros::Subscriber tf_subscriber_;
+  ::ros::Subscriber tf_static_subscriber_;
   ::ros::ServiceServer accept_server_;
   ::ros::ServiceServer reject_server_;
   ::ros::ServiceServer revert_server_;
   diagnostic_updater::Updater diagnostics_;
-  ::ros::Timer broadcast_timer_;
-  ::ros::WallTimer still_clock_timer_;
+  ::ros::WallTimer tf_timer_;
   ::ros::WallTimer diagnostics_timer_;
+  ::ros::WallTimer pose_timer_;
 };
 
 }  // namespace usct::ros_interface

@@ -4,20 +4,24 @@
 #include "ros/conversions/clouds.h"
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/fixed_frame.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/probe_motion.h"
 
 namespace usct::ros_interface {
 
 namespace msg = us_ct_registration;
 
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
-    : node_(node), tf_listener_(tf_, node_) {
+    : node_(node), tf_input_(tf_, node_) {
+  tf_.setUsingDedicatedThread(true);
   Parameters parameters(private_node);
-  fixed_frame_ = parameters.text("fixed_frame", "");
-  acquired_frame_ = parameters.text("acquired_frame", "us_acquired");
-  field_frame_ = parameters.text("field_frame", "us_field");
+  fixed_frame_ = parameters.frame("fixed_frame", "");
+  acquired_frame_ = parameters.frame("acquired_frame", "us_acquired");
+  field_frame_ = parameters.frame("field_frame", "us_field");
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
   volume_spacing_mm_ = kMmPerM * parameters.number("volume_spacing", 0.002, 1e-4, 0.1);
   surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
@@ -55,11 +59,28 @@ Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
   return T_fixed_us;
 }
 
+void UsCloud::follow_frames(const msg::PreScanVolume& message, const Eigen::Isometry3d& T_fixed_us,
+                            BeamGrid& beams) const {
+  if (message.frame_stamps.empty()) return;
+  FixedFrameOptions options;
+  options.frame = fixed_frame_;
+  const FixedFrame frame(tf_, options);
+  follow_probe(frame.T_us_then(message.header, {T_fixed_us, 0.0}, message.frame_stamps), beams);
+}
+
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
+  require_not_ahead(message->header.stamp, ::ros::Time::now(), us_subscriber_.getTopic(),
+                    "header.stamp");
   const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
-  Shown shown{message->header, crossed_fans(us, spacing_mm_)};
-  std::vector<CloudPoint> whole = whole_volume(us, volume_spacing_mm_);
-  if (!fixed_frame_.empty()) shown.T_cloud_us = look_up_fixed_frame(us.geometry, shown.header);
+  BeamUltrasound seen = along_beams(us);
+  Shown shown;
+  shown.header = message->header;
+  if (!fixed_frame_.empty()) {
+    shown.T_cloud_us = look_up_fixed_frame(us.geometry, shown.header);
+    follow_frames(*message, shown.T_cloud_us, seen.beams);
+  }
+  shown.fans = crossed_fans(seen, spacing_mm_);
+  std::vector<CloudPoint> whole = whole_volume(seen, volume_spacing_mm_);
   constexpr double kAboveMm = 25.0;
   constexpr double kBelowMm = 55.0;
   const double half_depth_mm = 0.5 * us.geometry.axial.spacing_mm * us.geometry.samples();
@@ -76,11 +97,8 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
     shown_ = std::move(shown);
   }
   show_ct();
-} catch (const InputError& error) {
-  ROS_ERROR("%s", error.what());
-} catch (const tf2::TransformException& error) {
-  ROS_ERROR("ultrasound of %.3f s is not shown: tf: %s", message->header.stamp.toSec(),
-            error.what());
+} catch (const std::exception& error) {
+  ROS_ERROR("ultrasound of %.3f s is not shown: %s", message->header.stamp.toSec(), error.what());
 }
 
 void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
@@ -96,7 +114,7 @@ void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
 }
 
 void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
-  Placement placement{message->header.frame_id, std::nullopt};
+  Placement placement{message->header.frame_id, std::nullopt, message->ct_crc32};
   try {
     placement.T_fixed_ct = T_fixed_ct_from(*message);
   } catch (const InputError& error) {
@@ -139,7 +157,7 @@ void UsCloud::show_aligned() {
         placed(*surface_, placement_->fixed_frame, placement_->T_fixed_ct, surface_alpha_));
   if (!shown_) return;
   std::vector<CloudPoint> points;
-  if (ct_ && placement_ && placement_->T_fixed_ct &&
+  if (ct_ && placement_ && placement_->T_fixed_ct && placement_->ct_crc32 == ct_crc32_ &&
       placement_->fixed_frame == shown_->header.frame_id)
     points = ct_at(shown_->fans, *ct_, placement_->T_fixed_ct->inverse());
   ct_publisher_.publish(to_message(points, shown_->header));

@@ -4,7 +4,6 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
-#include <tf2_ros/transform_listener.h>
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/PreScanVolume.h>
@@ -19,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/tf_input.h"
 #include "us_ct_registration/rendering/point_clouds.h"
 
 namespace usct::ros_interface {
@@ -47,6 +47,7 @@ class UsCloud {
   struct Placement {
     std::string fixed_frame;
     std::optional<Eigen::Isometry3d> T_fixed_ct;
+    std::uint32_t ct_crc32 = 0;
   };
 
   void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
@@ -57,6 +58,10 @@ class UsCloud {
   /// The pose of the ultrasound in the fixed frame, mm, at the stamp of `header`, whose frame
   /// becomes the fixed one; sends the node's frames to tf. Throws tf2::TransformException.
   Eigen::Isometry3d look_up_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header);
+  /// Sets each frame where the ultrasound's frame was at the frame's stamp, as the registration
+  /// does. Throws Refusal.
+  void follow_frames(const us_ct_registration::PreScanVolume& message,
+                     const Eigen::Isometry3d& T_fixed_us, BeamGrid& beams) const;
   /// Publishes what is known of the CT: where the alignment has it, and where a refused
   /// registration had its best candidate.
   void show_ct();
@@ -83,7 +88,7 @@ class UsCloud {
   us_ct_registration::RegistrationResultConstPtr refused_;
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
-  tf2_ros::TransformListener tf_listener_;
+  TfInput tf_input_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;
   ::ros::Publisher volume_publisher_;

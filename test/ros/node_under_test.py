@@ -1,4 +1,5 @@
 """Starts and ends the nodes that a test of this folder looks at, and waits for what they do."""
+import os
 import signal
 import subprocess
 import time
@@ -47,22 +48,31 @@ def has_failed(test_case):
 
 
 class Process:
-    """A node or nodelet `kind` in the namespace `namespace`, with private parameters."""
+    """A node or nodelet `kind` in the namespace `namespace`, with private parameters: by itself, or a nodelet in the
+    manager of this name; the kind `manager` is a manager. `environment`: variables that are added; `name`: another
+    name than the kind."""
 
-    def __init__(self, kind, namespace, log, as_nodelet=False, **parameters):
-        if as_nodelet:
-            command = [roslib.packages.find_node("nodelet", "nodelet")[0], "standalone", f"{PACKAGE}/{kind}"]
+    def __init__(self, kind, namespace, log, as_nodelet=False, manager=None, environment=None, name=None, **parameters):
+        nodelet = roslib.packages.find_node("nodelet", "nodelet")[0]
+        if kind == "manager":
+            command = [nodelet, "manager"]
+        elif manager:
+            command = [nodelet, "load", f"{PACKAGE}/{kind}", manager]
+        elif as_nodelet:
+            command = [nodelet, "standalone", f"{PACKAGE}/{kind}"]
         else:
             command = [roslib.packages.find_node(PACKAGE, kind)[0]]
-        command += [f"__ns:={namespace}", f"__name:={kind}"]
-        node = f"{namespace}/{kind}"
+        name = name or kind
+        command += [f"__ns:={namespace}", f"__name:={name}"]
+        node = f"{namespace}/{name}"
         if rospy.has_param(node):
             rospy.delete_param(node)
         for key, value in parameters.items():
             rospy.set_param(f"{node}/{key}", value)
         self._log_path = log
         with open(log, "ab") as stream:
-            self._process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT)
+            self._process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT,
+                                             env=dict(os.environ, **(environment or {})))
 
     def kill(self):
         if self._process.poll() is None:

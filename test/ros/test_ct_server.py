@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """ct_server from outside: the files that it reads and refuses, its messages and its answers."""
+import gzip
 import io
 import os
 import subprocess
@@ -10,15 +11,18 @@ import unittest
 import zlib
 
 import numpy
+import roslaunch.config
+import roslaunch.xmlloader
 import roslib.packages
 import rospy
 import rostest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import PointCloud2
 from us_ct_registration.msg import CtInfo, CtVolume, StatusCode
-from us_ct_registration.srv import GetCt, LoadCt
+from us_ct_registration.srv import GetCt, LoadCt, SetCtRoi
 from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -258,6 +262,87 @@ class CtServer(unittest.TestCase):
         self.assertIn("'labels'", self.expect_refused(StatusCode.PATH_REFUSED, "ct.nrrd", "link.nrrd"))
         self.assertIsNone(self.volume.message)
 
+    def test_headers_that_name_data_outside_are_refused(self):
+        with open(self.root + "/ct.nrrd", "rb") as stream:
+            nrrd, voxels = stream.read().split(b"\n\n", 1)
+        with open(self.root + "/ct.mhd", "rb") as stream:
+            meta = stream.read().rsplit(b"ElementDataFile", 1)[0]
+        with open(self.outside + "/voxels.raw", "wb") as stream:
+            stream.write(voxels)
+        self.start(data_root=self.root)
+        for place in (self.outside + "/voxels.raw", "../outside/voxels.raw"):
+            for name, header in (("evil.nhdr", nrrd + f"\ndata file: {place}\n\n".encode()),
+                                 ("evil.nrrd", nrrd + f"\ndata file: {place}\n\n".encode()),
+                                 ("evil.mhd", meta + f"ElementDataFile = {place}\n".encode()),
+                                 ("evil.mha", meta + f"ElementDataFile = {place}\n".encode())):
+                with open(f"{self.root}/{name}", "wb") as stream:
+                    stream.write(header)
+                self.assertIn("same folder", self.load(name).status.message)
+        self.assertEqual(self.get().status.code, StatusCode.NO_CT)
+
+    def test_a_size_that_is_too_large_is_refused_before_it_is_read(self):
+        size = (1200, 1200, 700)  # 2 GB of zeros in 2 MB
+        header = ["NRRD0004", "type: int16", "dimension: 3", "space: left-posterior-superior",
+                  "sizes: " + " ".join(map(str, size)), "space directions: (1,0,0) (0,1,0) (0,0,1)",
+                  "endian: little", "encoding: gzip", "space origin: (0,0,0)"]
+        with open(self.root + "/bomb.nrrd", "wb") as stream:
+            stream.write(("\n".join(header) + "\n\n").encode())
+            stream.write(gzip.compress(bytes(2 << 20)) + bytes(2 << 20))
+        self.start(data_root=self.root)
+        message = self.expect_refused(StatusCode.FILE_ERROR, "bomb.nrrd")
+        self.assertIn("1200 x 1200 x 700 voxels to keep take 2016 MB, must be at most 950 MB", message)
+        # A part of it is small enough; what is compressed then turns out to be less than the header says.
+        call(self.namespace + "/ct/roi", SetCtRoi, [Point(0, 0, 0), Point(1, 1, 0.1)], 1)
+        self.assertIn("compressed data give 2097152 bytes", self.load("bomb.nrrd").status.message)
+
+    def roi(self, corners, decimation):
+        return call(self.namespace + "/ct/roi", SetCtRoi, corners, decimation).status
+
+    def test_part_of_a_ct(self):
+        self.start(data_root=self.root)
+        first, last = (4, 3, 2), (14, 12, 9)
+
+        def corner(i, j, k):
+            return Point(*((ORIGIN_MM + DIRECTION @ (SPACING_MM * (i, j, k))) / 1000))
+        # The box is along the axes of the patient, and the voxels are turned by 37 degrees: it covers more of them.
+        self.assertEqual(self.roi([corner(*first), corner(*last)], 1).code, StatusCode.OK)
+        answer = self.load("ct.nrrd", "labels.nrrd")
+        self.assertEqual(answer.status.code, StatusCode.OK, answer.status.message)
+        self.assertIn("of 24 x 20 x 16 (ct/roi)", answer.status.message)
+        part = self.get().volume
+        origin = numpy.array((part.origin.x, part.origin.y, part.origin.z))
+        begin = numpy.rint(DIRECTION.T @ (1000 * origin - ORIGIN_MM) / SPACING_MM).astype(int)
+        self.assertLessEqual(begin[2], first[2])
+        i, j, k = begin
+        x, y, z = part.size
+        self.assertLess(x * y * z, HOUNSFIELD.size)
+        numpy.testing.assert_array_equal(numpy.reshape(part.data, (z, y, x)),
+                                         HOUNSFIELD[k:k + z, j:j + y, i:i + x])
+        for corners, decimation in (([Point()], 1), ([Point(), Point()], 1), ([], 17),
+                                    ([Point(float("nan"), 0, 0), Point(1, 1, 1)], 1)):
+            self.assertEqual(self.roi(corners, decimation).code, StatusCode.INVALID_REQUEST)
+        self.assertEqual(self.roi([], 2).code, StatusCode.OK)
+        self.assertEqual(self.load("ct.nrrd").status.code, StatusCode.OK)
+        coarse = self.get().volume
+        self.assertEqual(tuple(coarse.size), (12, 10, 8))
+        numpy.testing.assert_allclose(coarse.spacing, 2 * SPACING_MM / 1000, rtol=1e-6)
+        # Far from the ball the values rise linearly along i: the blocks' centres are at 0.5, 2.5...
+        self.assertAlmostEqual(coarse.data[5], HOUNSFIELD[0, 0, 10:12].mean(), delta=0.6)
+        self.assertEqual(self.roi([Point(5, 5, 5), Point(6, 6, 6)], 0).code, StatusCode.OK)
+        self.assertIn("the region has", self.load("ct.nrrd").status.message)
+        self.assertEqual(self.roi([], 0).code, StatusCode.OK)
+        self.assertEqual(self.load("ct.nrrd").status.code, StatusCode.OK)
+        self.expect_ct(self.get().volume)
+
+    def test_a_misspelt_node_in_override_ends_it(self):
+        rospy.set_param(self.namespace + "/override", {"registration": {"seed": 1}, "ct_sever": {"surface_hu": 100}})
+        process = self.start()
+        self.assertEqual(process.exit_status(), 2)
+        self.assertIn("'ct_sever'", process.log())
+        rospy.set_param(self.namespace + "/override", {"registration": {"seed": 1}})
+        self.start()
+        self.assertEqual(self.get().status.code, StatusCode.NO_CT)
+
     def test_what_is_held_stays_until_the_new_one_is_read(self):
         with open(self.root + "/ct.nrrd", "rb") as stream:
             whole = stream.read()
@@ -356,11 +441,40 @@ class CtServer(unittest.TestCase):
         self.assertEqual(during[0], held)
         self.assertEqual(self.get().volume.revision, answers[0].revision)
 
+    def test_registration_launch(self):
+        override = self.folder.name + "/override.yaml"
+        with open(override, "w") as stream:
+            stream.write("registration: {seed: 3}\nregistratoin: {seed: 4}\n")
+        launch = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../launch/registration.launch")
+
+        def loaded(*arguments):
+            config = roslaunch.config.ROSLaunchConfig()
+            roslaunch.xmlloader.XmlLoader().load(launch, config, argv=list(arguments), verbose=False)
+            (rviz,) = [node for node in config.nodes if node.name == "rviz"]
+            return config, rviz.args.split()
+        config, rviz = loaded("rviz:=true", "fixed_frame:=torso", f"override:={override}")
+        self.assertEqual(rviz[rviz.index("--fixed-frame") + 1], "torso")
+        self.assertEqual(config.params["/registration/seed"].value, 3)
+        self.assertEqual(config.params["/override/registratoin/seed"].value, 4)
+        config, rviz = loaded("rviz:=true")
+        self.assertEqual(rviz[rviz.index("--fixed-frame") + 1], "us")
+        # The copy of an earlier launch must not end the nodes of this one.
+        self.assertIn("/override/", config.clear_params)
+
     def test_shipped_configuration(self):
         path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../config/nodes/ct_server.yaml")
         with open(path) as stream:
             self.start(**yaml.safe_load(stream))
         self.assertEqual(self.get().status.code, StatusCode.NO_CT)
+
+    def test_diagnostic_period(self):
+        self.start(diagnostic_period=0.1)
+        reports = []
+        own = self.namespace[1:] + "/ct_server: CT"
+        heard = rospy.Subscriber("/diagnostics", DiagnosticArray,
+                                 lambda m: reports.extend(s for s in m.status if s.name == own))
+        wait_for(lambda: len(reports) > 20, "twenty reports", 10.0)
+        heard.unregister()
 
     def test_wrong_parameters_end_it(self):
         for key, value, constraint in (("pth", "x", "is not a parameter"),
@@ -368,6 +482,9 @@ class CtServer(unittest.TestCase):
                                        ("labels", "labels.nrrd", "'path' is not"),
                                        ("label_names", "kidney", "must be a number"),
                                        ("surface_triangles", 3, "must be in"),
+                                       ("decimation", 0, "must be in"),
+                                       ("roi", [0, 0, 0, 0.1, 0.1, 0], "differ along each axis"),
+                                       ("diagnostic_period", 0.0, "must be in"),
                                        ("ct_frame", "/ct", "without leading /")):
             process = self.start(**{key: value})
             self.assertEqual(process.exit_status(), 2)

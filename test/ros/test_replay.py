@@ -165,7 +165,7 @@ class System:
 
     def start_nodes(self, *arguments):
         self.start("nodes", "roslaunch", PACKAGE, "registration.launch", "fixed_frame:=patient", "policy:=auto",
-                   "preset:=phantom", "respawn:=true", f"ct:={self.acquisition.ct}",
+                   "preset:=phantom", "respawn:=true", "restore:=same_ct", f"ct:={self.acquisition.ct}",
                    f"alignment_file:={self.folder / 'alignment.json'}", *arguments)
 
     def play(self, pose):
@@ -218,7 +218,7 @@ class TestReplay(unittest.TestCase):
             self.system.client("moved_away", 99)
             self.ct_in_tf()
 
-    def test_all_nodelets_in_one_process(self):
+    def test_nodelets_in_one_process(self):
         self.system.start_master()
         self.system.start_nodes("nodelet:=true")
         self.system.client("ready")

@@ -2,106 +2,25 @@
 """tf_publisher from outside: the transforms in tf after results, decisions, crashes and restarts."""
 import os
 import sys
-import tempfile
-import unittest
+import time
 
 import rospy
 import rostest
 import tf2_msgs.msg
 import tf2_ros
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from rosgraph_msgs.msg import Clock
-from us_ct_registration.msg import Alignment, CtInfo, RegistrationResult, StatusCode
-from us_ct_registration.srv import Decide
+from us_ct_registration.msg import Alignment, CtInfo, StatusCode
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from node_under_test import Newest, Process, call, wait_for
-
-TOLERANCE_S = 0.2
-CT_CRC32 = 1234567
-OTHER_CT_CRC32 = 7654321
+from node_under_test import Newest, wait_for
+from tf_publisher_case import CT_CRC32, OTHER_CT_CRC32, TOLERANCE_S, Stamps, TfPublisherCase
 
 
-class TfPublisher(unittest.TestCase):
-    def setUp(self):
-        self.namespace = "/" + self.id().split(".")[-1]
-        # All namespaces share one tf, so that each test has frames of its own.
-        self.fixed = self.namespace[1:] + "_base"
-        self.ct = self.namespace[1:] + "_ct"
-        self.folder = tempfile.TemporaryDirectory()
-        self.file = os.path.join(self.folder.name, "alignment.json")
-        self.buffer = tf2_ros.Buffer()
-        self.listener = tf2_ros.TransformListener(self.buffer)
-        self.results = rospy.Publisher(self.namespace + "/registration/result", RegistrationResult,
-                                       queue_size=10, latch=True)
-        self.info = rospy.Publisher(self.namespace + "/ct/info", CtInfo, queue_size=1, latch=True)
-        self.alignment = Newest(self.namespace + "/registration/alignment", Alignment)
-        self.processes = []
-
-    def tearDown(self):
-        for process in self.processes:
-            process.kill()
-        rospy.set_param("/use_sim_time", False)
-        self.folder.cleanup()
-
-    def start(self, **parameters):
-        self.alignment.message = None
-        parameters.setdefault("transform_tolerance", TOLERANCE_S)
-        process = Process("tf_publisher", self.namespace, self.folder.name + "/log", **parameters)
-        self.processes.append(process)
-        return process
-
-    def result(self, number, x, code=StatusCode.REGISTERED, fixed_frame=None):
-        message = RegistrationResult()
-        message.header.stamp = rospy.Time(1000 + number)
-        message.id = number
-        message.status.code = code
-        message.ct_frame = self.ct
-        message.ct_crc32 = CT_CRC32
-        if code == StatusCode.REGISTERED:
-            message.fixed_frame = fixed_frame or self.fixed
-            message.fixed_transform.translation.x = x
-            message.fixed_transform.rotation.z = 0.6
-            message.fixed_transform.rotation.w = 0.8
-        self.results.publish(message)
-
-    def hold_ct(self, crc32):
-        self.info.publish(CtInfo(crc32=crc32))
-
-    def decide(self, verb, number=0):
-        return call(f"{self.namespace}/registration/{verb}", Decide, number).status
-
-    def wait_state(self, state, result_id=None):
-        return self.alignment.wait(
-            lambda m: m.state == state and result_id in (None, m.result_id), f"state {state}")
-
-    def wait_waiting(self, number):
-        return self.alignment.wait(lambda m: m.waiting_id == number, f"result {number} to wait")
-
-    def tf_at(self, time):
-        try:
-            return self.buffer.lookup_transform(self.fixed, self.ct, time).transform
-        except tf2_ros.TransformException:
-            return None
-
-    def wait_tf(self, x):
-        def found():
-            transform = self.tf_at(rospy.Time.now())
-            return transform and abs(transform.translation.x - x) < 1e-12
-        wait_for(found, f"tf to say {x}")
-        rotation = self.tf_at(rospy.Time(0)).rotation
-        self.assertEqual((rotation.x, rotation.y, rotation.z, rotation.w), (0.0, 0.0, 0.6, 0.8))
-
-    def diagnosis(self, condition, what):
-        def matching(message):
-            return [s for s in message.status if s.name.startswith(self.namespace[1:])
-                    and condition(s)]
-        newest = Newest("/diagnostics", DiagnosticArray)
-        return matching(newest.wait(matching, what))[0]
-
+class TfPublisher(TfPublisherCase):
     def check_confirm(self, **parameters):
-        self.start(policy="confirm", **parameters)
+        self.start_publisher(policy="confirm", **parameters)
         self.result(1, 0.25)
         message = self.wait_waiting(1)
         self.assertEqual(message.state, Alignment.NONE)
@@ -110,7 +29,7 @@ class TfPublisher(unittest.TestCase):
         answer = self.decide("accept", 7)
         self.assertEqual(answer.code, StatusCode.INVALID_REQUEST)
         self.assertIn("result 7", answer.message)
-        self.assertIn("result 1 waits", answer.message)
+        self.assertIn(f"result {self.id_of(1)} waits", answer.message)
         self.assertIsNone(self.tf_at(rospy.Time(0)))
 
         self.assertEqual(self.decide("accept", 1).code, StatusCode.OK)
@@ -128,7 +47,7 @@ class TfPublisher(unittest.TestCase):
         self.check_confirm(as_nodelet=True)
 
     def test_what_is_refused_or_rejected_leaves_tf_as_it_is(self):
-        self.start(policy="confirm", fixed_frame=self.fixed)
+        self.start_publisher(policy="confirm", fixed_frame=self.fixed)
         self.result(1, 0.25)
         self.wait_waiting(1)
         self.assertEqual(self.decide("accept").code, StatusCode.OK)
@@ -142,19 +61,19 @@ class TfPublisher(unittest.TestCase):
         self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
         self.result(7, 9.0)
         message = self.wait_waiting(7)
-        self.assertEqual(message.result_id, 1)
+        self.assertEqual(message.result_id, self.id_of(1))
 
         answer = self.decide("reject", 6)
         self.assertEqual(answer.code, StatusCode.INVALID_REQUEST)
-        self.assertIn("result 6", answer.message)
-        self.assertIn("result 7 waits", answer.message)
+        self.assertIn(f"result {self.id_of(6)}", answer.message)
+        self.assertIn(f"result {self.id_of(7)} waits", answer.message)
         self.assertEqual(self.decide("reject", 7).code, StatusCode.OK)
         self.assertEqual(self.decide("reject").code, StatusCode.NOTHING_TO_DECIDE)
-        self.alignment.wait(lambda m: m.waiting_id == 0 and m.result_id == 1, "none to wait")
+        self.alignment.wait(lambda m: m.waiting_id == 0 and m.result_id == self.id_of(1), "none to wait")
         self.wait_tf(0.25)
 
     def test_auto_and_revert(self):
-        self.start(policy="auto")
+        self.start_publisher(policy="auto")
         self.result(1, 0.25)
         self.wait_state(Alignment.ACCEPTED, 1)
         self.result(2, 0.5)
@@ -162,7 +81,7 @@ class TfPublisher(unittest.TestCase):
         self.wait_tf(0.5)
         answer = self.decide("revert")
         self.assertEqual(answer.code, StatusCode.OK)
-        self.assertIn("result 1", answer.message)
+        self.assertIn(f"result {self.id_of(1)}", answer.message)
         self.wait_state(Alignment.ACCEPTED, 1)
         self.wait_tf(0.25)
         self.assertEqual(self.decide("revert").code, StatusCode.OK)
@@ -170,8 +89,37 @@ class TfPublisher(unittest.TestCase):
         wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
         self.assertEqual(self.decide("revert").code, StatusCode.NOTHING_TO_DECIDE)
 
+    def test_the_alignment_as_messages_that_others_know(self):
+        self.start_publisher(policy="auto")
+        poses = Newest(self.namespace + "/registration/pose", PoseWithCovarianceStamped)
+        transforms = Newest(self.namespace + "/registration/transform", TransformStamped)
+        message = self.registered(1, 0.25)
+        # The axes of the ultrasound are those of the fixed frame, turned by 90 degrees about z, and the CT's origin is
+        # 0.2 m along y. A turn about z, of variance 1e-6, moves it along -x of the ultrasound, which is -y here.
+        message.transform.translation.y = 0.2
+        message.transform.rotation.w = 1.0
+        message.fixed_transform.rotation.z = message.fixed_transform.rotation.w = 0.5 ** 0.5
+        message.covariance[35] = 1e-6
+        self.results.publish(message)
+        transform = transforms.wait(lambda m: True, "the transform")
+        self.assertEqual((transform.header.frame_id, transform.child_frame_id), (self.fixed, self.ct))
+        self.assertEqual(transform.header.stamp, message.header.stamp)
+        self.assertEqual(transform.transform, message.fixed_transform)
+        pose = poses.wait(lambda m: True, "the pose")
+        self.assertEqual((pose.header.frame_id, pose.header.stamp), (self.fixed, message.header.stamp))
+        self.assertEqual(pose.pose.pose.position.x, 0.25)
+        expected = [0.0] * 36
+        expected[7], expected[11], expected[31], expected[35] = 0.04e-6, -0.2e-6, -0.2e-6, 1e-6
+        for found, right in zip(pose.pose.covariance, expected):
+            self.assertAlmostEqual(found, right, delta=1e-12)
+        # What holds no more is said by nobody, whenever one begins to listen.
+        self.assertEqual(self.decide("revert").code, StatusCode.OK)
+        late = Newest(self.namespace + "/registration/pose", PoseWithCovarianceStamped)
+        time.sleep(1.5)
+        self.assertIsNone(late.message)
+
     def test_lookups_fail_within_the_tolerance_after_death(self):
-        process = self.start(policy="auto")
+        process = self.start_publisher(policy="auto")
         self.result(1, 0.25)
         self.wait_tf(0.25)
         process.kill()
@@ -182,7 +130,7 @@ class TfPublisher(unittest.TestCase):
             self.buffer.lookup_transform(self.fixed, self.ct, rospy.Time.now())
 
     def test_restart(self):
-        process = self.start(policy="auto", alignment_file=self.file)
+        process = self.start_publisher(policy="auto", alignment_file=self.file)
         self.result(1, 0.125)
         self.wait_state(Alignment.ACCEPTED, 1)
         self.result(2, 0.25)
@@ -191,7 +139,7 @@ class TfPublisher(unittest.TestCase):
         process.kill()
 
         # The latched result 2 arrives again and is not taken for a new one; no CT is known yet.
-        process = self.start(policy="auto", alignment_file=self.file)
+        process = self.start_publisher(policy="auto", alignment_file=self.file, restore="same_ct")
         message = self.wait_state(Alignment.NONE)
         self.assertIn("waits for its CT or accept", message.message)
         self.hold_ct(OTHER_CT_CRC32)
@@ -209,26 +157,41 @@ class TfPublisher(unittest.TestCase):
         # A reverted alignment does not come back either.
         self.assertEqual(self.decide("revert").code, StatusCode.OK)
         process.kill()
-        self.start(policy="auto", alignment_file=self.file)
+        self.start_publisher(policy="auto", alignment_file=self.file, restore="same_ct")
         self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
         self.result(3, 0.5)
         self.wait_state(Alignment.ACCEPTED, 3)
 
-    def test_restart_that_waits_for_a_person(self):
-        process = self.start(policy="confirm", alignment_file=self.file)
+    def check_restart_that_waits_for_a_person(self, **parameters):
+        process = self.start_publisher(policy="confirm", alignment_file=self.file, **parameters)
         self.hold_ct(CT_CRC32)
         self.result(1, 0.25)
         self.wait_waiting(1)
         self.assertEqual(self.decide("accept").code, StatusCode.OK)
         process.kill()
-        self.start(policy="confirm", alignment_file=self.file, restore="confirm")
+        # This is the default, also if results are accepted without a person.
+        process = self.start_publisher(policy="auto", alignment_file=self.file, **parameters)
         self.alignment.wait(lambda m: m.message.endswith("waits for accept"), "it to wait")
+        time.sleep(0.5)  # the CT's latched summary arrives meanwhile
+        self.assertEqual(self.alignment.message.state, Alignment.NONE)
         self.assertEqual(self.decide("accept").code, StatusCode.OK)
         self.wait_state(Alignment.RESTORED)
         self.wait_tf(0.25)
+        process.kill()
+        # An old alignment is not offered at all.
+        process = self.start_publisher(alignment_file=self.file, restore="same_ct", restore_max_age=0.1, **parameters)
+        self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+        self.assertIn("must be at most restore_max_age", process.log())
+
+    def test_restart_that_waits_for_a_person(self):
+        self.check_restart_that_waits_for_a_person()
+
+    def test_restart_that_waits_for_a_person_as_nodelet(self):
+        self.check_restart_that_waits_for_a_person(as_nodelet=True)
 
     def test_damaged_file(self):
-        process = self.start(policy="auto", alignment_file=self.file)
+        process = self.start_publisher(policy="auto", alignment_file=self.file)
         self.hold_ct(CT_CRC32)
         self.result(1, 0.25)
         self.wait_state(Alignment.ACCEPTED, 1)
@@ -238,7 +201,7 @@ class TfPublisher(unittest.TestCase):
         for damaged in ("", text[:len(text) // 2], text.replace("0.25", "0.35")):
             with open(self.file, "w") as stream:
                 stream.write(damaged)
-            process = self.start(policy="confirm", alignment_file=self.file)
+            process = self.start_publisher(policy="confirm", alignment_file=self.file)
             self.assertEqual(self.wait_state(Alignment.NONE).message, "nothing is accepted")
             status = self.diagnosis(lambda s: s.level == s.ERROR, "an error")
             self.assertIn(self.file, status.message)
@@ -251,28 +214,30 @@ class TfPublisher(unittest.TestCase):
             process.kill()
 
     def test_what_cannot_be_stored_is_not_accepted(self):
-        self.start(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
+        self.start_publisher(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
         self.result(1, 0.25)
         self.diagnosis(lambda s: s.level == s.ERROR and "missing" in s.message, "an error")
         self.assertEqual(self.alignment.message.state, Alignment.NONE)
 
     def test_another_ct_suspends_it(self):
-        self.start(policy="auto")
+        self.start_publisher(policy="auto")
         self.hold_ct(CT_CRC32)
         self.result(1, 0.25)
         self.wait_tf(0.25)
-        self.hold_ct(OTHER_CT_CRC32)
-        self.wait_state(Alignment.NONE)
-        wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
-        self.hold_ct(CT_CRC32)
-        self.wait_state(Alignment.ACCEPTED, 1)
-        self.wait_tf(0.25)
+        # Without a ct_server, only the registration knows which CT there is.
+        for source in (self.info, self.registered_ct):
+            source.publish(CtInfo(crc32=OTHER_CT_CRC32))
+            self.wait_state(Alignment.NONE)
+            wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
+            source.publish(CtInfo(crc32=CT_CRC32))
+            self.wait_state(Alignment.ACCEPTED, 1)
+            self.wait_tf(0.25)
 
     def test_simulated_time(self):
         self.listener.unregister()  # it would complain about the old times
         rospy.set_param("/use_sim_time", True)
         clock = rospy.Publisher("/clock", Clock, queue_size=10)
-        process = self.start(policy="auto")
+        process = self.start_publisher(policy="auto")
         transforms = Newest("/tf", tf2_msgs.msg.TFMessage)
 
         def wait_stamp(now_s):
@@ -305,6 +270,7 @@ class TfPublisher(unittest.TestCase):
         path = os.path.join(os.path.dirname(os.path.abspath(__file__)),
                             "../../config/nodes/tf_publisher.yaml")
         with open(path) as stream:
+            self.alignment.message = None
             self.start(**yaml.safe_load(stream))
         self.wait_state(Alignment.NONE)
 

@@ -5,11 +5,13 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 
 /// Decisions about which registration counts as the alignment of the CT with the patient: results
-/// are offered, accepted, rejected and reverted. Times are nanoseconds since 1970.
+/// are offered, accepted, rejected and reverted. Times are nanoseconds since 1970, of the wall
+/// clock unless said otherwise.
 namespace usct {
 
 /// A pose in metres with a quaternion, unlike poses in the rest of the core. It is copied from a
@@ -32,14 +34,17 @@ struct Alignment {
   /// `p_fixed = T_fixed_ct * p_ct`.
   MetricPose T_fixed_ct;
   /// Number of the registration's result; 0 if the alignment was restored.
-  std::uint32_t result_id = 0;
-  /// Checksum of the voxels of the CT for which the alignment holds; 0 if unknown.
+  std::uint64_t result_id = 0;
+  /// Checksum of the voxels of the CT for which the alignment holds.
   std::uint32_t ct_crc32 = 0;
-  /// Acquisition time of the ultrasound.
+  /// Acquisition time of the ultrasound, in the time of its stamps (which may be simulated).
   std::int64_t us_stamp_ns = 0;
   std::int64_t accepted_ns = 0;
   /// NaN if unknown.
   double expected_error_m = std::numeric_limits<double>::quiet_NaN();
+  /// Covariance of the position of the CT's origin and of a rotation about it, both in the axes of
+  /// the fixed frame: x, y, z, rotation about x, y, z; m^2, m rad, rad^2. All zero if unknown.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   /// Whether it was accepted before the program was started: the patient may have moved since.
   bool restored = false;
 
@@ -56,7 +61,14 @@ struct OfferedResult {
   std::string message;
   /// Checksum of the whole result: a result that is sent again has the same digest.
   std::uint32_t digest = 0;
+  /// The reason why a person has to decide even if results are accepted without one, in words;
+  /// empty if there is none.
+  std::string ask_because;
 };
+
+/// A source that shows which CT is held. The sources may disagree for a moment, or because one of
+/// them has another CT.
+enum class CtSource { kServer, kRegistration };
 
 /// The state on disk: the alignment in force and the result that was decided last.
 struct StoredAlignment {
@@ -93,7 +105,9 @@ struct AlignmentState {
   /// The alignment that is broadcast, or the reason why there is none, in words.
   std::string message;
   /// Number of the result that waits for accept or reject; 0: none.
-  std::uint32_t waiting_id = 0;
+  std::uint64_t waiting_id = 0;
+  /// Whether the alignment is suspended; see `AlignmentDecisions::suspend`.
+  bool is_suspended = false;
 };
 
 /// Decides which alignment counts. It knows no clock and no disk; it is a plain value, so that a
@@ -101,7 +115,7 @@ struct AlignmentState {
 ///
 /// The CT's frame has one parent only: while an alignment counts, a result with another fixed frame
 /// is refused. An alignment belongs to a CT (by the checksum of its voxels) and is not in force
-/// while another CT is held.
+/// while any source shows another CT.
 class AlignmentDecisions {
  public:
   /// Number of earlier alignments to which `revert` can return.
@@ -114,24 +128,29 @@ class AlignmentDecisions {
     bool accept_at_once = false;
     /// Whether an alignment from before the restart counts as soon as its CT is held; else it
     /// counts only once a person accepts it.
-    bool restore_at_once = true;
+    bool restore_at_once = false;
+    /// An alignment that was accepted longer ago than this is not restored, s.
+    double restore_max_age_s = 3600.0;
   };
 
   explicit AlignmentDecisions(const Options& options) : options_(options) {}
 
   /// Must be called before anything else. kInvalidRequest if the fixed frame is not the one of the
-  /// options.
-  DecisionAnswer restore(const StoredAlignment& stored);
-  /// Sets the checksum of the CT that is held now; 0 if unknown.
-  void hold_ct(std::uint32_t ct_crc32) { held_ct_ = ct_crc32; }
+  /// options, kNothingToDecide if the alignment is too old.
+  DecisionAnswer restore(const StoredAlignment& stored, std::int64_t now_ns);
+  /// Sets the checksum of the CT that a source shows.
+  void hold_ct(CtSource source, std::uint32_t ct_crc32, std::int64_t now_ns);
+  /// Takes the alignment out of force for the reason in words, until a person accepts it again or
+  /// another, or reverts to none. Results that come meanwhile wait for a person.
+  void suspend(const std::string& reason) { suspended_because_ = reason; }
 
   /// kDone: the result is accepted, or waits for a decision. Otherwise kNotRegistered,
   /// kInvalidResult, or kNothingToDecide if this very result was decided last.
   DecisionAnswer offer(const OfferedResult& result, std::int64_t now_ns);
   /// Accepts the result with this number; 0 accepts the one that waits or, if none does, the
-  /// alignment from before the restart.
-  DecisionAnswer accept(std::uint32_t result_id, std::int64_t now_ns);
-  DecisionAnswer reject(std::uint32_t result_id);
+  /// alignment from before the restart or the suspended one.
+  DecisionAnswer accept(std::uint64_t result_id, std::int64_t now_ns);
+  DecisionAnswer reject(std::uint64_t result_id);
   /// Returns to the previous alignment, or to none.
   DecisionAnswer revert();
 
@@ -142,18 +161,20 @@ class AlignmentDecisions {
 
  private:
   bool restored_waits() const;
-  bool is_held(std::uint32_t ct_crc32) const;
   bool is_other_than_held(std::uint32_t ct_crc32) const;
-  DecisionAnswer wrong_id(std::uint32_t result_id, const std::string& verb) const;
+  /// Why an alignment is too old to be restored, in words; empty if it is not.
+  std::string outdated(const Alignment& alignment, std::int64_t now_ns) const;
+  DecisionAnswer wrong_id(std::uint64_t result_id, const std::string& verb) const;
   std::string violation(const Alignment& alignment) const;
   DecisionAnswer accept_waiting(std::int64_t now_ns);
-  DecisionAnswer accept_restored();
+  DecisionAnswer accept_restored(std::int64_t now_ns);
 
   Options options_;
-  std::uint32_t held_ct_ = 0;
+  std::map<CtSource, std::uint32_t> held_cts_;
   std::optional<Alignment> current_;
-  /// Whether a person confirmed that the alignment from before the restart holds.
-  bool restored_is_confirmed_ = false;
+  /// Whether the alignment from before the restart counts: its CT was shown, or a person accepted.
+  bool restored_counts_ = false;
+  std::string suspended_because_;
   std::optional<OfferedResult> waiting_;
   std::deque<Alignment> history_;
   std::uint32_t decided_ = 0;

@@ -3,7 +3,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "us_ct_registration/ultrasound/prescan_volume.h"
+#include "us_ct_registration/geometry/scan_geometry.h"
+#include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/volume.h"
 
 /// Ultrasound and CT as clouds of coloured points, for three-dimensional views.
@@ -17,10 +18,10 @@ struct CloudPoint {
 
 /// The samples of the middle frame and of the middle line of all frames: two fans that cross, in
 /// the US frame. Along a line the points are at least `spacing_mm` apart.
-std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm);
+std::vector<CloudPoint> crossed_fans(const BeamUltrasound& us, double spacing_mm);
 
 /// The whole volume, in the US frame, averaged to about `spacing_mm` along lines and across them.
-std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm);
+std::vector<CloudPoint> whole_volume(const BeamUltrasound& us, double spacing_mm);
 
 /// The CT (HU) at the same points; points outside the CT are left out.
 std::vector<CloudPoint> ct_at(const std::vector<CloudPoint>& points, const CtVolume& ct,

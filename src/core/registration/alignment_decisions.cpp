@@ -10,7 +10,7 @@ namespace {
 
 using Code = DecisionAnswer::Code;
 
-std::string named(std::uint32_t result_id) { return "result " + std::to_string(result_id); }
+std::string named(std::uint64_t result_id) { return "result " + std::to_string(result_id); }
 
 std::string named(const Alignment& alignment) {
   return alignment.restored ? "the alignment from before the restart" : named(alignment.result_id);
@@ -20,6 +20,8 @@ std::string named(const Alignment& alignment) {
 bool is_frame_name(const std::string& name) { return !name.empty() && name.front() != '/'; }
 
 bool same_or_unknown(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+std::string seconds(double value) { return std::to_string(std::llround(value)) + " s"; }
 
 }  // namespace
 
@@ -36,10 +38,22 @@ bool Alignment::operator==(const Alignment& other) const {
          T_fixed_ct == other.T_fixed_ct && result_id == other.result_id &&
          ct_crc32 == other.ct_crc32 && us_stamp_ns == other.us_stamp_ns &&
          accepted_ns == other.accepted_ns && restored == other.restored &&
+         covariance == other.covariance &&
          same_or_unknown(expected_error_m, other.expected_error_m);
 }
 
-DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored) {
+std::string AlignmentDecisions::outdated(const Alignment& alignment, std::int64_t now_ns) const {
+  constexpr double kSecondsPerNs = 1e-9;
+  const double age_s = kSecondsPerNs * static_cast<double>(now_ns - alignment.accepted_ns);
+  if (age_s >= 0.0 && age_s <= options_.restore_max_age_s) return "";
+  if (age_s < 0.0)
+    return "was accepted " + seconds(-age_s) + " from now, by this machine's clock: register again";
+  return "was accepted " + seconds(age_s) +
+         " ago, must be at most restore_max_age = " + seconds(options_.restore_max_age_s) +
+         ": register again";
+}
+
+DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored, std::int64_t now_ns) {
   decided_ = stored.decided;
   if (!stored.alignment) return {Code::kDone, "no alignment to restore"};
   const std::string& fixed_frame = stored.alignment->fixed_frame;
@@ -47,10 +61,19 @@ DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored) {
     return {Code::kInvalidRequest, "the fixed frame of the stored alignment is '" + fixed_frame +
                                        "', must be '" + options_.fixed_frame +
                                        "'; it is not restored"};
+  if (const std::string reason = outdated(*stored.alignment, now_ns); !reason.empty())
+    return {Code::kNothingToDecide, "the stored alignment is not restored: it " + reason};
   current_ = stored.alignment;
   current_->restored = true;
   current_->result_id = 0;
   return {Code::kDone, "restored"};
+}
+
+void AlignmentDecisions::hold_ct(CtSource source, std::uint32_t ct_crc32, std::int64_t now_ns) {
+  held_cts_[source] = ct_crc32;
+  if (options_.restore_at_once && restored_waits() && !is_other_than_held(current_->ct_crc32) &&
+      outdated(*current_, now_ns).empty())
+    restored_counts_ = true;
 }
 
 std::string AlignmentDecisions::violation(const Alignment& alignment) const {
@@ -65,6 +88,7 @@ std::string AlignmentDecisions::violation(const Alignment& alignment) const {
   if (!options_.fixed_frame.empty() && alignment.fixed_frame != options_.fixed_frame)
     return "its fixed frame is '" + alignment.fixed_frame + "', must be '" + options_.fixed_frame +
            "', as parameter fixed_frame says";
+  if (alignment.ct_crc32 == 0) return "its 'ct_crc32' is 0, must be the checksum of its CT";
   if (is_other_than_held(alignment.ct_crc32))
     return "it is of another CT than the one that is held";
   if (current_ && !restored_waits() && alignment.fixed_frame != current_->fixed_frame)
@@ -88,8 +112,10 @@ DecisionAnswer AlignmentDecisions::offer(const OfferedResult& result, std::int64
   if (const std::string wrong = violation(result.alignment); !wrong.empty())
     return {Code::kInvalidResult, name + " is refused: " + wrong};
   waiting_ = result;
-  if (options_.accept_at_once) return accept_waiting(now_ns);
-  return {Code::kDone, name + " waits for accept or reject"};
+  const std::string& because = suspended_because_.empty() ? result.ask_because : suspended_because_;
+  if (options_.accept_at_once && because.empty()) return accept_waiting(now_ns);
+  return {Code::kDone,
+          name + " waits for accept or reject" + (options_.accept_at_once ? ": " + because : "")};
 }
 
 DecisionAnswer AlignmentDecisions::accept_waiting(std::int64_t now_ns) {
@@ -100,10 +126,11 @@ DecisionAnswer AlignmentDecisions::accept_waiting(std::int64_t now_ns) {
   current_->accepted_ns = now_ns;
   decided_ = waiting_->digest;
   waiting_.reset();
+  suspended_because_.clear();
   return {Code::kDone, named(*current_) + " is accepted"};
 }
 
-DecisionAnswer AlignmentDecisions::wrong_id(std::uint32_t result_id,
+DecisionAnswer AlignmentDecisions::wrong_id(std::uint64_t result_id,
                                             const std::string& verb) const {
   const std::string asked = named(result_id) + " cannot be " + verb + ": ";
   if (waiting_)
@@ -113,7 +140,7 @@ DecisionAnswer AlignmentDecisions::wrong_id(std::uint32_t result_id,
   return {Code::kNothingToDecide, asked + "no result waits"};
 }
 
-DecisionAnswer AlignmentDecisions::accept(std::uint32_t result_id, std::int64_t now_ns) {
+DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t now_ns) {
   if (waiting_ && (result_id == 0 || result_id == waiting_->alignment.result_id)) {
     // The CT that is held, or the parent of its frame, may have changed since the result came.
     if (const std::string wrong = violation(waiting_->alignment); !wrong.empty())
@@ -121,21 +148,29 @@ DecisionAnswer AlignmentDecisions::accept(std::uint32_t result_id, std::int64_t 
               named(waiting_->alignment.result_id) + " cannot be accepted: " + wrong};
     return accept_waiting(now_ns);
   }
-  if (result_id == 0 && restored_waits()) return accept_restored();
+  if (result_id == 0 && restored_waits()) return accept_restored(now_ns);
+  if (current_ && !suspended_because_.empty() &&
+      (result_id == 0 || result_id == current_->result_id)) {
+    suspended_because_.clear();
+    return {Code::kDone, named(*current_) + " is in force again"};
+  }
   if (result_id != 0) return wrong_id(result_id, "accepted");
   return {Code::kNothingToDecide, "no result waits for a decision"};
 }
 
-DecisionAnswer AlignmentDecisions::accept_restored() {
+DecisionAnswer AlignmentDecisions::accept_restored(std::int64_t now_ns) {
+  const std::string cannot = named(*current_) + " cannot be accepted: it ";
   if (is_other_than_held(current_->ct_crc32))
-    return {Code::kInvalidRequest, named(*current_) +
-                                       " cannot be accepted: it is of another CT than the one "
-                                       "that is held"};
-  restored_is_confirmed_ = true;
+    return {Code::kInvalidRequest, cannot + "is of another CT than the one that is held"};
+  if (const std::string reason = outdated(*current_, now_ns); !reason.empty())
+    return {Code::kInvalidRequest, cannot + reason};
+  restored_counts_ = true;
+  current_->accepted_ns = now_ns;
+  suspended_because_.clear();
   return {Code::kDone, named(*current_) + " is accepted"};
 }
 
-DecisionAnswer AlignmentDecisions::reject(std::uint32_t result_id) {
+DecisionAnswer AlignmentDecisions::reject(std::uint64_t result_id) {
   if (waiting_ && (result_id == 0 || result_id == waiting_->alignment.result_id)) {
     const std::string name = named(waiting_->alignment.result_id);
     decided_ = waiting_->digest;
@@ -155,23 +190,23 @@ DecisionAnswer AlignmentDecisions::revert() {
   if (!current_) return {Code::kNothingToDecide, "no alignment is accepted"};
   const std::string left = named(*current_) + " is given up: ";
   current_.reset();
-  if (history_.empty()) return {Code::kDone, left + "nothing is broadcast any more"};
+  if (history_.empty()) {
+    suspended_because_.clear();
+    return {Code::kDone, left + "nothing is broadcast any more"};
+  }
   current_ = history_.back();
   history_.pop_back();
   return {Code::kDone, left + "back to " + named(*current_)};
 }
 
-bool AlignmentDecisions::is_held(std::uint32_t ct_crc32) const {
-  return held_ct_ != 0 && ct_crc32 == held_ct_;
-}
-
 bool AlignmentDecisions::is_other_than_held(std::uint32_t ct_crc32) const {
-  return held_ct_ != 0 && ct_crc32 != 0 && ct_crc32 != held_ct_;
+  for (const auto& [source, held] : held_cts_)
+    if (held != ct_crc32) return true;
+  return false;
 }
 
 bool AlignmentDecisions::restored_waits() const {
-  if (!current_ || !current_->restored || restored_is_confirmed_) return false;
-  return !(options_.restore_at_once && is_held(current_->ct_crc32));
+  return current_ && current_->restored && !restored_counts_;
 }
 
 AlignmentState AlignmentDecisions::state() const {
@@ -180,14 +215,17 @@ AlignmentState AlignmentDecisions::state() const {
     state.message = "nothing is accepted";
   } else if (is_other_than_held(current_->ct_crc32)) {
     state.message = named(*current_) + " is of another CT than the one that is held";
+  } else if (!suspended_because_.empty()) {
+    state.message = named(*current_) + " is suspended: " + suspended_because_;
   } else if (restored_waits()) {
     state.message = named(*current_) + " waits for " +
-                    (options_.restore_at_once && held_ct_ == 0 ? "its CT or " : "") + "accept";
+                    (options_.restore_at_once && held_cts_.empty() ? "its CT or " : "") + "accept";
   } else {
     state.broadcast = current_;
     state.message = named(*current_) + " is broadcast";
   }
   state.waiting_id = waiting_ ? waiting_->alignment.result_id : 0;
+  state.is_suspended = !suspended_because_.empty();
   return state;
 }
 

@@ -11,11 +11,13 @@
 namespace usct {
 namespace {
 
-void add_line(const PreScanVolume& volume, const BeamGrid& beams, int frame, int line, int step,
+void add_line(const BeamUltrasound& us, int frame, int line, int step,
               std::vector<CloudPoint>& points) {
-  for (int sample = 0; sample < beams.samples(); sample += step)
-    points.push_back(
-        {beams.point(frame, line, sample), static_cast<float>(volume.at(sample, line, frame))});
+  const auto first = static_cast<std::size_t>(frame * us.beams.lines + line) *
+                     static_cast<std::size_t>(us.beams.samples());
+  for (int sample = 0; sample < us.beams.samples(); sample += step)
+    points.push_back({us.beams.point(frame, line, sample),
+                      us.brightness[first + static_cast<std::size_t>(sample)]});
 }
 
 }  // namespace
@@ -33,20 +35,17 @@ Eigen::Isometry3d T_us_field(const ScanGeometry& geometry) {
   return T;
 }
 
-std::vector<CloudPoint> crossed_fans(const PreScanVolume& volume, double spacing_mm) {
-  const BeamGrid beams = beam_grid(volume.geometry);
-  const int step =
-      std::max(1, static_cast<int>(std::ceil(spacing_mm / volume.geometry.axial.spacing_mm)));
+std::vector<CloudPoint> crossed_fans(const BeamUltrasound& us, double spacing_mm) {
+  const BeamGrid& beams = us.beams;
+  const int step = std::max(1, static_cast<int>(std::ceil(spacing_mm / beams.axial.spacing_mm)));
   std::vector<CloudPoint> points;
-  for (int line = 0; line < beams.lines; ++line)
-    add_line(volume, beams, beams.frames / 2, line, step, points);
+  for (int line = 0; line < beams.lines; ++line) add_line(us, beams.frames / 2, line, step, points);
   for (int frame = 0; frame < beams.frames; ++frame)
-    if (frame != beams.frames / 2) add_line(volume, beams, frame, beams.lines / 2, step, points);
+    if (frame != beams.frames / 2) add_line(us, frame, beams.lines / 2, step, points);
   return points;
 }
 
-std::vector<CloudPoint> whole_volume(const PreScanVolume& volume, double spacing_mm) {
-  const BeamUltrasound recorded = along_beams(volume);
+std::vector<CloudPoint> whole_volume(const BeamUltrasound& recorded, double spacing_mm) {
   const BeamUltrasound us = decimate(recorded, factors_for_spacing(recorded.beams, spacing_mm));
   std::vector<CloudPoint> points;
   points.reserve(us.brightness.size());

@@ -26,6 +26,40 @@ MetricPose pose_from(const geometry_msgs::Transform& transform) {
   return {{t.x, t.y, t.z}, {q.w, q.x, q.y, q.z}};
 }
 
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+Eigen::Matrix3d cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d matrix;
+  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return matrix;
+}
+
+/// The result states the covariance of a small motion (translation d, rotation r) about the origin
+/// of the ultrasound's frame, in that frame's axes. The CT's origin p then moves by d + r x p; with
+/// the rotation R from the ultrasound's axes to those of the fixed frame, the motion is
+/// (R (d + r x p), R r). Zero, which means unknown, if anything is not a number.
+Matrix6d covariance_in_fixed_frame(const msg::RegistrationResult& message) {
+  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> in_us(
+      message.covariance.data());
+  const MetricPose us_ct = pose_from(message.transform);
+  const MetricPose fixed_ct = pose_from(message.fixed_transform);
+  const Eigen::Matrix3d R = fixed_ct.rotation.normalized().toRotationMatrix() *
+                            us_ct.rotation.normalized().toRotationMatrix().transpose();
+  Matrix6d motion = Matrix6d::Zero();
+  motion.topLeftCorner<3, 3>() = R;
+  motion.topRightCorner<3, 3>() = -R * cross(us_ct.translation_m);
+  motion.bottomRightCorner<3, 3>() = R;
+  const Matrix6d turned = motion * in_us * motion.transpose();
+  return turned.allFinite() ? turned : Matrix6d::Zero();
+}
+
+std_msgs::Header header_of(const Alignment& alignment) {
+  std_msgs::Header header;
+  header.stamp = time_from(alignment.us_stamp_ns);
+  header.frame_id = alignment.fixed_frame;
+  return header;
+}
+
 std::uint8_t status_code(DecisionAnswer::Code code) {
   switch (code) {
     case DecisionAnswer::Code::kDone:
@@ -57,6 +91,7 @@ OfferedResult from_message(const msg::RegistrationResult& message) {
   alignment.ct_crc32 = message.ct_crc32;
   alignment.us_stamp_ns = nanoseconds_from(message.header.stamp);
   alignment.expected_error_m = message.expected_error;
+  if (result.registered) alignment.covariance = covariance_in_fixed_frame(message);
   return result;
 }
 
@@ -67,8 +102,7 @@ msg::Alignment to_message(const AlignmentState& state) {
   message.expected_error = std::numeric_limits<double>::quiet_NaN();
   if (!state.broadcast) return message;
   const Alignment& alignment = *state.broadcast;
-  message.header.stamp = time_from(alignment.us_stamp_ns);
-  message.header.frame_id = alignment.fixed_frame;
+  message.header = header_of(alignment);
   message.state = alignment.restored ? msg::Alignment::RESTORED : msg::Alignment::ACCEPTED;
   message.ct_frame = alignment.ct_frame;
   message.transform = to_message(alignment.T_fixed_ct);
@@ -76,6 +110,29 @@ msg::Alignment to_message(const AlignmentState& state) {
   message.ct_crc32 = alignment.ct_crc32;
   message.accepted = time_from(alignment.accepted_ns);
   message.expected_error = alignment.expected_error_m;
+  return message;
+}
+
+geometry_msgs::TransformStamped to_transform_message(const Alignment& alignment) {
+  geometry_msgs::TransformStamped message;
+  message.header = header_of(alignment);
+  message.child_frame_id = alignment.ct_frame;
+  message.transform = to_message(alignment.T_fixed_ct);
+  return message;
+}
+
+std::optional<geometry_msgs::PoseWithCovarianceStamped> to_pose_message(
+    const Alignment& alignment) {
+  if (alignment.covariance.isZero(0.0)) return std::nullopt;
+  const geometry_msgs::Transform transform = to_message(alignment.T_fixed_ct);
+  geometry_msgs::PoseWithCovarianceStamped message;
+  message.header = header_of(alignment);
+  message.pose.pose.position.x = transform.translation.x;
+  message.pose.pose.position.y = transform.translation.y;
+  message.pose.pose.position.z = transform.translation.z;
+  message.pose.pose.orientation = transform.rotation;
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.pose.covariance.data()) =
+      alignment.covariance;
   return message;
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/RegistrationResult.h>
 #include <us_ct_registration/StatusCode.h>
@@ -12,10 +14,18 @@
 namespace usct::ros_interface {
 
 /// The result of a message. AlignmentDecisions checks that its pose is rigid. The digest ignores
-/// the header's `seq`, which counts messages and is no part of the result.
+/// the header's `seq`, which counts messages and is no part of the result. The covariance is that
+/// of the message, turned into the fixed frame.
 OfferedResult from_message(const us_ct_registration::RegistrationResult& message);
 
+/// The field `policy` is the caller's.
 us_ct_registration::Alignment to_message(const AlignmentState& state);
+
+/// The alignment as messages that other packages know, with the stamp of the ultrasound.
+geometry_msgs::TransformStamped to_transform_message(const Alignment& alignment);
+/// Empty if the covariance is not known: all zeros would mean that the pose is exact.
+std::optional<geometry_msgs::PoseWithCovarianceStamped> to_pose_message(const Alignment& alignment);
+
 us_ct_registration::StatusCode to_message(const DecisionAnswer& answer);
 geometry_msgs::Transform to_message(const MetricPose& pose);
 

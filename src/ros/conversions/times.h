@@ -3,16 +3,44 @@
 #include <ros/time.h>
 
 #include <cstdint>
+#include <string>
 
-/// Times between the core (nanoseconds since 1970) and messages.
+/// Times between the core (nanoseconds since 1970) and messages, and their differences.
 namespace usct::ros_interface {
+
+/// A stamp may be this far ahead of the node's clock: more than clocks of two machines that work
+/// together differ, and more than tf is post-dated.
+constexpr double kMostAheadS = 30.0;
 
 inline std::int64_t nanoseconds_from(const ::ros::Time& time) {
   return static_cast<std::int64_t>(time.toNSec());
 }
 
+/// Throws std::runtime_error for times before 1970 or after 2106.
 inline ::ros::Time time_from(std::int64_t nanoseconds) {
   return ::ros::Time().fromNSec(static_cast<std::uint64_t>(nanoseconds));
 }
+
+/// Seconds from `earlier` to `later`, negative if they come in the other order. The difference of
+/// two ros::Times throws if it is more than 68 years, and a stamp in a message may be any.
+inline double seconds_between(const ::ros::Time& earlier, const ::ros::Time& later) {
+  constexpr double kSecondsPerNanosecond = 1e-9;
+  return kSecondsPerNanosecond *
+         static_cast<double>(nanoseconds_from(later) - nanoseconds_from(earlier));
+}
+
+/// `time` plus `seconds`, which must be finite and at most a few years; the nearest time that
+/// exists if the sum is before 1970 or after 2106. The sum of ros::Time and ros::Duration throws
+/// there.
+::ros::Time shifted(const ::ros::Time& time, double seconds);
+
+/// Throws InputError, naming `source` and `field`, if the stamp is more than `kMostAheadS` ahead of
+/// `now`. Nothing is known of the time while `now` is 0, before simulated time begins.
+void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source,
+                       const std::string& field);
+
+/// Seconds with three decimals, like "1234.567".
+std::string seconds_text(double seconds);
+std::string seconds_text(const ::ros::Time& time);
 
 }  // namespace usct::ros_interface

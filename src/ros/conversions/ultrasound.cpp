@@ -1,8 +1,11 @@
 #include "ros/conversions/ultrasound.h"
 
+#include <algorithm>
+
 #include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/probe.h"
+#include "ros/conversions/times.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -37,8 +40,22 @@ TrackedSweep tracked_from_message(const msg::PreScanVolume& message, const std::
     tracked.T_us_frame.push_back(from_message_mm(
         message.frame_poses[i], source + ": 'frame_poses[" + std::to_string(i) + "]'"));
   for (const ::ros::Time& stamp : message.frame_stamps)
-    tracked.frame_times_s.push_back((stamp - message.frame_stamps.front()).toSec());
+    tracked.frame_times_s.push_back(seconds_between(message.frame_stamps.front(), stamp));
   return tracked;
+}
+
+/// tf is asked for the pose at each of them, where 0 stands for the newest transform.
+void require_frame_stamps(const msg::PreScanVolume& message, const std::string& source) {
+  const std::vector<::ros::Time>& stamps = message.frame_stamps;
+  if (stamps.empty()) return;
+  require_count("frame_stamps", stamps.size(), message.frames, source);
+  require(!stamps.front().isZero(), source, "'frame_stamps[0]' is 0, must be set");
+  require(std::is_sorted(stamps.begin(), stamps.end()), source,
+          "'frame_stamps' fall, must be in the order of acquisition");
+  require(stamps.back() <= message.header.stamp, source,
+          "'frame_stamps' end at " + seconds_text(stamps.back()) +
+              ", must not be later than 'header.stamp', the end of the acquisition, which is " +
+              seconds_text(message.header.stamp));
 }
 
 }  // namespace
@@ -64,8 +81,7 @@ PreScanVolume from_message(const msg::PreScanVolume& message, const std::string&
   ScanGeometry& geometry = volume.geometry;
   geometry.axial = axial_from_message(message.geometry, message.samples, source);
   geometry.array = array_from_message(message.geometry, message.lines, source);
-  if (!message.frame_stamps.empty())
-    require_count("frame_stamps", message.frame_stamps.size(), message.frames, source);
+  require_frame_stamps(message, source);
   if (is_motorised(message.geometry))
     geometry.motion = motor_from_message(message, source);
   else

@@ -15,8 +15,10 @@ class FileSource : public IngestSource {
 };
 
 /// Reads the file `path` and publishes it; `options` apply except for their own path. Throws
-/// InputError, or the exception that prevented reading (memory, disk), naming the file.
-void publish_file(const std::filesystem::path& path, const FileOptions& options,
-                  const PublishVolume& publish);
+/// std::runtime_error with the reason if the file cannot be read. Log and reason call the file
+/// `shown_as`, and other files of its folder by number, because names of files may be those of
+/// patients.
+void publish_file(const std::filesystem::path& path, const std::string& shown_as,
+                  const FileOptions& options, const PublishVolume& publish);
 
 }  // namespace usct::ros_interface

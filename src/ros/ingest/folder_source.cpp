@@ -25,7 +25,8 @@ void FolderSource::set_error(const std::string& error) {
 }
 
 void FolderSource::take(const std::filesystem::path& path) try {
-  publish_file(path, file_, publish_);
+  const std::string shown_as = "file " + std::to_string(++taken_) + " of the watched folder";
+  publish_file(path, shown_as, file_, publish_);
   set_error("");
 } catch (const std::exception& error) {
   set_error(error.what());
@@ -38,7 +39,7 @@ void FolderSource::look() {
   if (!looking) return;
   try {
     for (const std::filesystem::path& path : folder_.take(steady_s())) take(path);
-  } catch (const InputError& error) {
+  } catch (const std::exception& error) {
     ROS_ERROR_THROTTLE(10.0, "%s", error.what());
     set_error(error.what());
   }

@@ -28,8 +28,9 @@ class FolderSource : public IngestSource {
 
   const FileOptions file_;
   const PublishVolume publish_;
-  std::mutex looking_;  // guards folder_; held while files are read
+  std::mutex looking_;  // guards folder_ and taken_; held while files are read
   WatchedFolder folder_;
+  int taken_ = 0;
   std::mutex mutex_;        // guards error_
   std::string error_;       // of the last file or the folder; empty if the last file was published
   ::ros::WallTimer timer_;  // last: its callback uses all of the above

@@ -37,7 +37,9 @@ geometry_msgs::Pose as_pose(const geometry_msgs::Transform& transform) {
 ArrayPoses::ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& options)
     : us_frame_(options.pose_frame),
       image_lag_(options.assembly.image_lag_s),
-      listener_(buffer_, node) {}
+      input_(buffer_, node) {
+  buffer_.setUsingDedicatedThread(true);
+}
 
 void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const try {
   const ::ros::Time stamp = frame.message->header.stamp;
@@ -71,7 +73,9 @@ std::vector<EndedSweep> FrameStreamSource::assemble(const msg::PreScanFrame::Con
   std::string problem;
   try {
     frame = from_message(message);
-  } catch (const InputError& error) {
+    require_not_ahead(message->header.stamp, ::ros::Time::now(), frame->name(), "header.stamp");
+  } catch (const std::exception& error) {
+    frame.reset();
     problem = error.what();
   }
   if (frame && frame->needs_pose()) {

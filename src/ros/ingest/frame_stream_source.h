@@ -2,7 +2,6 @@
 
 #include <ros/node_handle.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <us_ct_registration/PreScanFrame.h>
 
 #include <memory>
@@ -14,6 +13,7 @@
 #include "ros/conversions/frames.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/tf_input.h"
 
 namespace usct::ros_interface {
 
@@ -30,7 +30,7 @@ class ArrayPoses {
   const std::string us_frame_;
   const ::ros::Duration image_lag_;
   tf2_ros::Buffer buffer_;
-  tf2_ros::TransformListener listener_;
+  TfInput input_;
 };
 
 /// Assembles the frames of the topic `us/frames` to sweeps, and compares images with poses to find

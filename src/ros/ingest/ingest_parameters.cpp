@@ -10,7 +10,7 @@ constexpr std::size_t kBytesPerMegabyte = 1000000;
 
 void read_file(Parameters& parameters, FileOptions& file) {
   file.ultrasound = read_ultrasound_source(parameters);
-  file.frame_id = parameters.text("frame_id", "us");
+  file.frame_id = parameters.frame("frame_id", "us");
   file.stamp =
       parameters.choice("file_stamp", "acquisition", {"acquisition", "reading"}) == "reading"
           ? FileStamp::kReading
@@ -32,7 +32,7 @@ void read_frames(Parameters& parameters, FrameStreamOptions& frames) {
   assembly.max_bytes = kBytesPerMegabyte *
                        static_cast<std::size_t>(parameters.whole("max_volume_mb", 1000, 1, 100000));
   assembly.image_lag_s = parameters.number("image_lag", 0.0, -2.0, 2.0);
-  frames.pose_frame = parameters.text("pose_frame", "");
+  frames.pose_frame = parameters.frame("pose_frame", "");
   frames.tf_wait_s = parameters.number("tf_wait", 0.5, 0.0, 10.0);
   frames.lag_tolerance_s = parameters.number("lag_tolerance", 0.05, 0.0, 2.0);
 }
@@ -46,6 +46,7 @@ IngestParameters read_ingest_parameters(const ::ros::NodeHandle& private_node) {
   read_file(parameters, all.file);
   read_folder(parameters, all.folder);
   read_frames(parameters, all.frames);
+  all.diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   const bool from_disk = all.source != "frames";
   const bool has_path = !all.file.ultrasound.path.empty();

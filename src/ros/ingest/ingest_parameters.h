@@ -40,6 +40,7 @@ struct IngestParameters {
   FileOptions file;
   FolderOptions folder;
   FrameStreamOptions frames;
+  double diagnostic_period_s = 0.0;
 };
 
 /// Throws InputError, naming the parameter, its value and the constraint.

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <ctime>
 
+#include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "us_ct_registration/error.h"
 
@@ -89,6 +90,7 @@ msg::PreScanVolumePtr read_volume_message(const UltrasoundSource& source,
   std_msgs::Header header;
   header.frame_id = frame_id;
   header.stamp = stamp_of(*volume, stamp, now, name);
+  require_not_ahead(header.stamp, now, name, "acquisition_time");
   return boost::make_shared<msg::PreScanVolume>(to_message(*volume, header));
 }
 

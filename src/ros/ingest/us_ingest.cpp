@@ -1,16 +1,11 @@
 #include "ros/ingest/us_ingest.h"
 
+#include "ros/conversions/times.h"
 #include "ros/ingest/file_source.h"
 #include "ros/ingest/folder_source.h"
 #include "ros/ingest/frame_stream_source.h"
 
 namespace usct::ros_interface {
-namespace {
-
-constexpr double kDiagnosticsPeriod_s = 0.25;
-
-}  // namespace
-
 UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
   const IngestParameters parameters = read_ingest_parameters(private_node);
@@ -20,8 +15,8 @@ UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   diagnostics_.setHardwareID("none");
   diagnostics_.add("ultrasound", this, &UsIngest::report);
   diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(kDiagnosticsPeriod_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.update(); });
+      node_.createWallTimer(::ros::WallDuration(parameters.diagnostic_period_s),
+                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
 }
 
 std::unique_ptr<IngestSource> UsIngest::make_source(const IngestParameters& parameters) {
@@ -50,7 +45,8 @@ void UsIngest::report(diagnostic_updater::DiagnosticStatusWrapper& status) {
     status.add("source", source_name_);
     status.add("volumes published", published_);
     if (published_ > 0)
-      status.add("age of the last volume [s]", (::ros::Time::now() - last_volume_stamp_).toSec());
+      status.add("age of the last volume [s]",
+                 seconds_between(last_volume_stamp_, ::ros::Time::now()));
   }
   source_->describe(status);
 }

@@ -24,6 +24,8 @@ StoredAlignment example() {
   alignment.accepted_ns = 1234567900000000005;
   alignment.expected_error_m = 0.0017;
   alignment.ct_crc32 = 4294967295U;
+  alignment.covariance.diagonal() << 1e-6, 2e-6, 3e-6, 1.0 / 3.0, 5e-6, 6e-6;
+  alignment.covariance(0, 4) = alignment.covariance(4, 0) = -1e-7;
   return {alignment, 17};
 }
 

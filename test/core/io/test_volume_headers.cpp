@@ -103,6 +103,37 @@ TEST(MetaImage, MatrixHoldsOneDirectionAfterTheOther) {
   expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
 }
 
+/// A header that anyone may have written must not make the reader open other files.
+TEST(VolumeHeader, NamesDataFilesInItsFolderOnly) {
+  const TemporaryFolder folder;
+  const fs::path inside = folder.path() / "inside";
+  fs::create_directory(inside);
+  write_text(folder.path() / "outside.raw", kBigEndianVoxels);
+  write_text(inside / "voxels.raw", kBigEndianVoxels);
+  fs::create_symlink(folder.path() / "outside.raw", inside / "link.raw");
+  fs::create_symlink("voxels.raw", inside / "near.raw");
+  const auto read = [&](const std::string& header, const std::string& name) {
+    write_text(inside / name, header);
+    return read_volume<std::int16_t>(inside / name);
+  };
+  const auto nrrd = [](const std::string& file) {
+    return replaced(kNrrd, "encoding", "data file: " + file + "\nencoding");
+  };
+  const auto meta = [](const std::string& file) { return replaced(kMeta, "LOCAL", file); };
+  for (const std::string file : {"voxels.raw", "./voxels.raw", "near.raw"}) {
+    EXPECT_NO_THROW(read(nrrd(file), "a.nrrd")) << file;
+    EXPECT_NO_THROW(read(meta(file), "a.mhd")) << file;
+  }
+  for (const std::string& file : {std::string("../outside.raw"), std::string("link.raw"),
+                                  (folder.path() / "outside.raw").string()})
+    for (const std::string name : {"a.nrrd", "a.nhdr", "a.mha", "a.mhd"}) {
+      const bool is_nrrd = name[2] == 'n';
+      test::expect_input_error(
+          [&] { read(is_nrrd ? nrrd(file) : meta(file), name); },
+          {is_nrrd ? "'data file'" : "'ElementDataFile'", file, "same folder"});
+    }
+}
+
 TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
   const TemporaryFolder folder;
   expect_refused(

@@ -13,18 +13,20 @@ using testing::HasSubstr;
 
 constexpr std::uint32_t kCt = 77;
 constexpr std::uint32_t kOtherCt = 78;
-constexpr std::int64_t kNow = 500'000'000'000;
+constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr std::int64_t kNow = 500 * kSecond;
 
-OfferedResult registered(std::uint32_t id) {
+OfferedResult registered(std::uint64_t id) {
   OfferedResult result;
   result.registered = true;
-  result.digest = 1000 + id;
+  result.digest = static_cast<std::uint32_t>(1000 + id);
   Alignment& alignment = result.alignment;
-  alignment.us_stamp_ns = 1'000'000'000 * std::int64_t{100 + id};
+  alignment.us_stamp_ns = kSecond * static_cast<std::int64_t>(100 + id);
   alignment.result_id = id;
   alignment.fixed_frame = "base";
   alignment.ct_frame = "ct";
-  alignment.T_fixed_ct = {{0.5 * id, 0.0, 0.0}, Eigen::Quaterniond::Identity()};
+  alignment.T_fixed_ct = {{0.5 * static_cast<double>(id), 0.0, 0.0},
+                          Eigen::Quaterniond::Identity()};
   alignment.expected_error_m = 0.001;
   alignment.ct_crc32 = kCt;
   return result;
@@ -37,8 +39,8 @@ Alignment broadcast(const AlignmentDecisions& decisions) {
   return state.broadcast.value_or(Alignment());
 }
 
-AlignmentDecisions::Options automatic() { return {"", true, true}; }
-AlignmentDecisions::Options confirm() { return {"", false, true}; }
+AlignmentDecisions::Options automatic() { return {"", true, true, 3600.0}; }
+AlignmentDecisions::Options confirm() { return {"", false, true, 3600.0}; }
 
 StoredAlignment stored_by_another_process() {
   AlignmentDecisions earlier(automatic());
@@ -86,10 +88,11 @@ TEST(AlignmentDecisions, WhatMustNotBeBroadcastIsRefusedByName) {
       {"quaternion has length 0", [](auto& r) { r.T_fixed_ct.rotation.w() = 0.0; }},
       {"not finite",
        [](auto& r) { r.T_fixed_ct.translation_m.y() = std::numeric_limits<double>::quiet_NaN(); }},
-      {"another CT", [](auto& r) { r.ct_crc32 = kOtherCt; }}};
+      {"another CT", [](auto& r) { r.ct_crc32 = kOtherCt; }},
+      {"'ct_crc32' is 0", [](auto& r) { r.ct_crc32 = 0; }}};
   for (const auto& [reason, damage] : cases) {
     AlignmentDecisions decisions(automatic());
-    decisions.hold_ct(kCt);
+    decisions.hold_ct(CtSource::kServer, kCt, kNow);
     decisions.offer(registered(1), kNow);
     OfferedResult result = registered(2);
     damage(result.alignment);
@@ -101,12 +104,12 @@ TEST(AlignmentDecisions, WhatMustNotBeBroadcastIsRefusedByName) {
 }
 
 TEST(AlignmentDecisions, OnlyTheConfiguredFixedFrameIsTaken) {
-  AlignmentDecisions decisions({"table", true, true});
+  AlignmentDecisions decisions({"table", true, true, 3600.0});
   EXPECT_THAT(decisions.offer(registered(1), kNow).message,
               HasSubstr("fixed frame is 'base', must be 'table'"));
-  EXPECT_THAT(decisions.restore(stored_by_another_process()).message,
+  EXPECT_THAT(decisions.restore(stored_by_another_process(), kNow).message,
               HasSubstr("'base', must be 'table'"));
-  decisions.hold_ct(kCt);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
 }
 
@@ -122,8 +125,8 @@ TEST(AlignmentDecisions, AfterRevertingToNoneAnotherFixedFrameMayCome) {
 
 TEST(AlignmentDecisions, RevertGoesBackThroughABoundedHistory) {
   AlignmentDecisions decisions(automatic());
-  const auto last = static_cast<std::uint32_t>(AlignmentDecisions::kHistory + 5);
-  for (std::uint32_t id = 1; id <= last; ++id) decisions.offer(registered(id), kNow);
+  const auto last = static_cast<std::uint64_t>(AlignmentDecisions::kHistory + 5);
+  for (std::uint64_t id = 1; id <= last; ++id) decisions.offer(registered(id), kNow);
   EXPECT_EQ(decisions.history(), AlignmentDecisions::kHistory);
   for (std::size_t i = 1; i <= AlignmentDecisions::kHistory; ++i) {
     EXPECT_EQ(decisions.revert().code, Code::kDone);
@@ -149,31 +152,108 @@ TEST(AlignmentDecisions, AResultThatComesAgainDoesNotUndoADecision) {
 
 TEST(AlignmentDecisions, ARestoredAlignmentCountsOnceItsCtIsHeld) {
   AlignmentDecisions decisions(confirm());
-  EXPECT_EQ(decisions.restore(stored_by_another_process()).code, Code::kDone);
+  EXPECT_EQ(decisions.restore(stored_by_another_process(), kNow).code, Code::kDone);
   EXPECT_FALSE(decisions.state().broadcast);
-  decisions.hold_ct(kOtherCt);
+  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
   EXPECT_THAT(decisions.state().message, HasSubstr("another CT"));
-  decisions.hold_ct(kCt);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_TRUE(broadcast(decisions).restored);
   EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 2.0);
   EXPECT_EQ(broadcast(decisions).result_id, 0U);
 }
 
-TEST(AlignmentDecisions, ARestoredAlignmentOfAnUnknownCtWaitsForAPerson) {
-  StoredAlignment stored = stored_by_another_process();
-  stored.alignment->ct_crc32 = 0;
-  AlignmentDecisions decisions(confirm());
-  decisions.restore(stored);
-  decisions.hold_ct(kCt);
+TEST(AlignmentDecisions, WithoutOptionsARestoredAlignmentWaitsForAPerson) {
+  AlignmentDecisions decisions({});
+  decisions.restore(stored_by_another_process(), kNow);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
-  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(0, kNow + kSecond).code, Code::kDone);
   EXPECT_TRUE(broadcast(decisions).restored);
+  EXPECT_EQ(broadcast(decisions).accepted_ns, kNow + kSecond);
+}
+
+TEST(AlignmentDecisions, AnAlignmentThatIsTooOldIsNotRestored) {
+  const std::int64_t latest = kNow + 3600 * kSecond;
+  for (const std::int64_t start : {latest + 1, kNow - 1}) {
+    AlignmentDecisions decisions(confirm());
+    EXPECT_EQ(decisions.restore(stored_by_another_process(), start).code, Code::kNothingToDecide);
+    decisions.hold_ct(CtSource::kServer, kCt, start);
+    EXPECT_FALSE(decisions.state().broadcast);
+    EXPECT_EQ(decisions.accept(0, start).code, Code::kNothingToDecide);
+  }
+  // It may become too old while it waits.
+  AlignmentDecisions decisions(confirm());
+  EXPECT_EQ(decisions.restore(stored_by_another_process(), latest).code, Code::kDone);
+  decisions.hold_ct(CtSource::kServer, kCt, latest + 1);
+  EXPECT_FALSE(decisions.state().broadcast);
+  const DecisionAnswer answer = decisions.accept(0, latest + 1);
+  EXPECT_EQ(answer.code, Code::kInvalidRequest);
+  EXPECT_THAT(answer.message, HasSubstr("restore_max_age = 3600 s"));
+  EXPECT_EQ(decisions.accept(0, latest).code, Code::kDone);
+}
+
+TEST(AlignmentDecisions, AnySourceThatShowsAnotherCtSuspendsAnAlignment) {
+  for (const CtSource source : {CtSource::kServer, CtSource::kRegistration}) {
+    AlignmentDecisions decisions(automatic());
+    decisions.hold_ct(CtSource::kServer, kCt, kNow);
+    decisions.hold_ct(CtSource::kRegistration, kCt, kNow);
+    decisions.offer(registered(1), kNow);
+    decisions.hold_ct(source, kOtherCt, kNow);
+    EXPECT_FALSE(decisions.state().broadcast);
+    EXPECT_THAT(decisions.offer(registered(2), kNow).message, HasSubstr("another CT"));
+    decisions.hold_ct(source, kCt, kNow);
+    EXPECT_EQ(broadcast(decisions).result_id, 1U);
+  }
+}
+
+TEST(AlignmentDecisions, AResultThatAPersonMustSeeWaitsAlsoWithoutPersons) {
+  AlignmentDecisions decisions(automatic());
+  OfferedResult result = registered(1);
+  result.ask_because = "it is old";
+  const DecisionAnswer answer = decisions.offer(result, kNow);
+  EXPECT_EQ(answer.code, Code::kDone);
+  EXPECT_THAT(answer.message, HasSubstr("waits for accept or reject: it is old"));
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.state().waiting_id, 1U);
+  EXPECT_EQ(decisions.accept(1, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).result_id, 1U);
+}
+
+TEST(AlignmentDecisions, ASuspendedAlignmentComesBackOnlyByAPerson) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  decisions.suspend("two parents");
+  EXPECT_TRUE(decisions.state().is_suspended);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_THAT(decisions.state().message, HasSubstr("result 1 is suspended: two parents"));
+  EXPECT_THAT(decisions.offer(registered(2), kNow).message, HasSubstr("waits"));
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.reject(2).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_FALSE(decisions.state().is_suspended);
+  EXPECT_EQ(broadcast(decisions).result_id, 1U);
+  decisions.suspend("two parents");
+  decisions.offer(registered(3), kNow);
+  EXPECT_EQ(decisions.accept(3, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).result_id, 3U);
+}
+
+TEST(AlignmentDecisions, RevertingDoesNotLiftASuspensionUnlessNothingIsLeft) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  decisions.offer(registered(2), kNow);
+  decisions.suspend("two parents");
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_TRUE(decisions.state().is_suspended);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_FALSE(decisions.state().is_suspended);
 }
 
 TEST(AlignmentDecisions, ARestoredAlignmentThatNeverCountedIsNothingToGoBackToAndBlocksNothing) {
   AlignmentDecisions decisions(automatic());
-  decisions.restore(stored_by_another_process());
+  decisions.restore(stored_by_another_process(), kNow);
   OfferedResult result = registered(9);
   result.alignment.fixed_frame = "table";
   EXPECT_EQ(decisions.offer(result, kNow).code, Code::kDone);
@@ -183,9 +263,9 @@ TEST(AlignmentDecisions, ARestoredAlignmentThatNeverCountedIsNothingToGoBackToAn
 }
 
 TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
-  AlignmentDecisions decisions({"", true, false});
-  decisions.restore(stored_by_another_process());
-  decisions.hold_ct(kCt);
+  AlignmentDecisions decisions({"", true, false, 3600.0});
+  decisions.restore(stored_by_another_process(), kNow);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast) << "it waits for a person";
   EXPECT_EQ(decisions.reject(0).code, Code::kDone);
   EXPECT_FALSE(decisions.stored().alignment);
@@ -194,13 +274,13 @@ TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
 
 TEST(AlignmentDecisions, AWaitingResultIsJudgedAgainWhenItIsAccepted) {
   AlignmentDecisions decisions(confirm());
-  decisions.hold_ct(kCt);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   decisions.offer(registered(1), kNow);
-  decisions.hold_ct(kOtherCt);
+  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
   const DecisionAnswer answer = decisions.accept(1, kNow);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
   EXPECT_THAT(answer.message, HasSubstr("another CT"));
-  decisions.hold_ct(kCt);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_EQ(decisions.accept(1, kNow).code, Code::kDone);
 }
 

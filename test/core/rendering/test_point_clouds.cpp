@@ -4,6 +4,7 @@
 
 #include "us_ct_registration/geometry/scan_geometry.h"
 #include "us_ct_registration/rendering/point_clouds.h"
+#include "us_ct_registration/ultrasound/prescan_volume.h"
 
 namespace usct {
 namespace {
@@ -25,7 +26,7 @@ PreScanVolume volume() {
 
 TEST(CrossedFans, AreTheMiddleFrameAndTheMiddleLinesWhereTheSamplesLie) {
   const PreScanVolume us = volume();
-  const std::vector<CloudPoint> points = crossed_fans(us, 0.1);
+  const std::vector<CloudPoint> points = crossed_fans(along_beams(us), 0.1);
   EXPECT_EQ(points.size(), 7u * (3 + 4));
   for (const CloudPoint& point : points) {
     const int code = static_cast<int>(point.intensity);
@@ -38,13 +39,13 @@ TEST(CrossedFans, AreTheMiddleFrameAndTheMiddleLinesWhereTheSamplesLie) {
 
 TEST(CrossedFans, LeaveSamplesOutThatAreCloserThanTheSpacing) {
   // Spacing 0.8 mm is two samples: 0, 2, 4, 6.
-  EXPECT_EQ(crossed_fans(volume(), 0.8).size(), 4u * (3 + 4));
-  EXPECT_EQ(crossed_fans(volume(), 0.9).size(), 3u * (3 + 4));
+  EXPECT_EQ(crossed_fans(along_beams(volume()), 0.8).size(), 4u * (3 + 4));
+  EXPECT_EQ(crossed_fans(along_beams(volume()), 0.9).size(), 3u * (3 + 4));
 }
 
 TEST(WholeVolume, HasEverySampleWhereItLies) {
   const PreScanVolume us = volume();
-  const std::vector<CloudPoint> points = whole_volume(us, 0.1);
+  const std::vector<CloudPoint> points = whole_volume(along_beams(us), 0.1);
   ASSERT_EQ(points.size(), 7u * 3 * 5);
   std::set<int> codes;
   for (const CloudPoint& point : points) {
@@ -61,7 +62,7 @@ TEST(WholeVolume, IsAveragedToTheSpacing) {
   // Spacing 0.8 mm is two samples; lines and frames are millimetres apart. The last of seven
   // samples is left over.
   const PreScanVolume us = volume();
-  const std::vector<CloudPoint> points = whole_volume(us, 0.8);
+  const std::vector<CloudPoint> points = whole_volume(along_beams(us), 0.8);
   ASSERT_EQ(points.size(), 3u * 3 * 5);
   EXPECT_EQ(points.front().intensity, 0.5F);
   EXPECT_LT((points.front().p_mm - us_from_scan(us.geometry, {0.5, 0.0, 0.0})).norm(), 1e-9);

@@ -66,7 +66,7 @@ TEST(Registration, FixedFrameNeedsTfAtTheStamp) {
   EXPECT_THAT(client.call_until_code(Status::TF_JUMPED).status.message,
               AllOf(HasSubstr("moved by"), HasSubstr("'us'"), HasSubstr("'patient'")));
 
-  client.send(agar_ultrasound(::ros::Time::now() + ::ros::Duration(1000.0)));
+  client.send(agar_ultrasound(::ros::Time::now() + ::ros::Duration(20.0)));
   EXPECT_THAT(client.call_until_code(Status::TF_STALE).status.message,
               AllOf(HasSubstr("'us'"), HasSubstr("before the ultrasound's stamp")));
   for (const Result& result : client.published()) EXPECT_TRUE(is_zero(result.fixed_transform));
@@ -102,11 +102,13 @@ msg::PreScanVolume seen_from(const Isometry3d& T_patient_us, const ::ros::Time& 
   return to_message(volume, header("us", stamp));
 }
 
-msg::Alignment accepted_alignment(const Isometry3d& T_patient_ct) {
+msg::Alignment accepted_alignment(const Isometry3d& T_patient_ct, std::uint32_t ct_crc32) {
   msg::Alignment alignment;
   alignment.header = header("patient", ::ros::Time::now());
   alignment.state = msg::Alignment::ACCEPTED;
   alignment.ct_frame = "ct";
+  alignment.ct_crc32 = ct_crc32;
+  alignment.policy = "auto";
   alignment.transform = to_message(T_patient_ct);
   alignment.accepted = ::ros::Time::now();
   return alignment;
@@ -121,7 +123,8 @@ TEST(Registration, ContinuousNodeletFollowsTheProbe) {
   });
   ::ros::Publisher alignment =
       client.node.advertise<msg::Alignment>("registration/alignment", 1, true);
-  alignment.publish(accepted_alignment(kPatientUs * test::nearby(images)));
+  const std::uint32_t crc32 = to_message(images.ct, header("ct", ::ros::Time(1.0)), 1).crc32;
+  alignment.publish(accepted_alignment(kPatientUs * test::nearby(images), crc32));
   client.send_ct(images.ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
   constexpr std::size_t kWanted = 6;
   std::vector<Result> registered;

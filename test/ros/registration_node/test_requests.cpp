@@ -1,10 +1,16 @@
 #include <ros/package.h>
+#include <rosgraph_msgs/Log.h>
 #include <std_msgs/String.h>
 #include <topic_tools/shape_shifter.h>
+#include <us_ct_registration/Alignment.h>
+#include <us_ct_registration/Cancel.h>
+#include <us_ct_registration/CtInfo.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <future>
 #include <mutex>
 #include <sstream>
 
@@ -105,11 +111,89 @@ TEST(Registration, EmptyCallsFromEverywhereRegister) {
   EXPECT_LT((translation_m - Vector3d(t.x, t.y, t.z)).norm(), 1e-9);
 }
 
-TEST(Registration, IdsRiseAlsoWithRefusals) {
+TEST(Registration, IdsAreTimesAndRiseAlsoWithRefusals) {
   RegistrationClient client("plain");
-  const std::uint32_t first = client.call().id;
-  EXPECT_GT(first, 0U);
-  EXPECT_EQ(client.call().id, first + 1);
+  const auto now_ms = [] { return ::ros::WallTime::now().toNSec() / 1'000'000; };
+  const std::uint64_t before = now_ms();
+  const std::uint64_t first = client.call().id;
+  EXPECT_GE(first, before);
+  EXPECT_LE(first, now_ms());
+  EXPECT_GT(client.call().id, first);
+}
+
+TEST(Registration, SaysWhatToDoNextAndLogsOneLine) {
+  RegistrationClient client("plain");
+  provide_agar(client, 1);
+  EXPECT_THAT(client.call().status.message, HasSubstr("no tf_publisher"));
+  std::mutex mutex;
+  std::vector<std::string> lines;
+  const ::ros::Subscriber log = client.node.subscribe<rosgraph_msgs::Log>(
+      "/rosout", 100, [&](const rosgraph_msgs::Log::ConstPtr& line) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        if (line->name == "/plain/registration") lines.push_back(line->msg);
+      });
+  ASSERT_TRUE(eventually([&] { return log.getNumPublishers() >= 5; }));
+  ::ros::Publisher alignments =
+      client.node.advertise<msg::Alignment>("registration/alignment", 1, true);
+  for (const auto& [policy, expected] :
+       {std::pair("confirm", "rosservice call /plain/registration/accept "),
+        std::pair("auto", "accepts it by itself")}) {
+    msg::Alignment alignment;
+    alignment.policy = policy;
+    alignments.publish(alignment);
+    const Result result = client.call_until([&, text = expected](const Result& found) {
+      return found.status.message.find(text) != std::string::npos;
+    });
+    EXPECT_EQ(result.status.code, Status::REGISTERED);
+    const std::string id = std::to_string(result.id);
+    if (policy == std::string("confirm")) {
+      EXPECT_THAT(result.status.message, HasSubstr("accept " + id));
+    }
+    EXPECT_TRUE(eventually([&] {
+      const std::lock_guard<std::mutex> lock(mutex);
+      return std::count_if(lines.begin(), lines.end(), [&](const std::string& line) {
+               return line.find("result " + id + ", REGISTERED") != std::string::npos;
+             }) == 1;
+    }));
+  }
+}
+
+TEST(Registration, TheCtThatIsHeldIsAnnounced) {
+  RegistrationClient client("plain");
+  std::mutex mutex;
+  std::uint32_t crc32 = 0;
+  const ::ros::Subscriber held = client.node.subscribe<msg::CtInfo>(
+      "registration/ct", 1, [&](const msg::CtInfo::ConstPtr& info) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        crc32 = info->crc32;
+      });
+  CtVolume other = agar().ct;
+  other.voxels.front() += 1;
+  for (const CtVolume* ct : {&agar().ct, static_cast<const CtVolume*>(&other)}) {
+    client.send_ct(*ct, 1, ::ros::Time::now() - ::ros::Duration(1.0));
+    const std::uint32_t sent = to_message(*ct, header("ct", ::ros::Time(1.0)), 1).crc32;
+    EXPECT_TRUE(eventually([&] {
+      const std::lock_guard<std::mutex> lock(mutex);
+      return crc32 == sent;
+    }));
+  }
+}
+
+TEST(Registration, ACallerOfRegisterIsCancelledByTheService) {
+  RegistrationClient client("anywhere");
+  ::ros::ServiceClient cancel = client.node.serviceClient<msg::Cancel>("registration/cancel");
+  msg::Cancel nothing;
+  ASSERT_TRUE(cancel.call(nothing));
+  EXPECT_EQ(nothing.response.status.code, Status::NOT_RUNNING);
+  client.send_ct(agar().ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  client.send(agar_ultrasound(::ros::Time::now()));
+  client.call_until([](const Result& result) { return result.initial_alignment == "global"; });
+  std::future<Result> answer = std::async(std::launch::async, [&] { return client.call(); });
+  msg::Cancel call;
+  EXPECT_TRUE(
+      eventually([&] { return cancel.call(call) && call.response.status.code == Status::OK; }));
+  EXPECT_THAT(call.response.status.message, HasSubstr("/anywhere/register"));
+  EXPECT_EQ(answer.get().status.code, Status::CANCELLED);
 }
 
 TEST(Registration, GoalsThatCannotBeAreRefused) {
@@ -256,7 +340,16 @@ TEST(Registration, MalformedMessagesAreTheReasonUntilTheNext) {
 TEST(Registration, OutdatedUltrasoundIsRefused) {
   RegistrationClient client("plain");
   provide_agar(client, 5);
-  client.send_ct(agar().ct, 6, ::ros::Time::now() + ::ros::Duration(7.0));
+  // The same CT again, as after a restart of ct_server, outdates nothing.
+  const ::ros::Time later = ::ros::Time::now() + ::ros::Duration(7.0);
+  client.send_ct(agar().ct, 6, later);
+  const Result again =
+      client.call_until([](const Result& result) { return result.ct_revision == 6; });
+  EXPECT_EQ(again.status.code, Status::REGISTERED) << again.status.message;
+  EXPECT_LT(again.ct_stamp, again.us_stamp);
+  CtVolume other = agar().ct;
+  other.voxels[0] += 1;
+  client.send_ct(other, 7, later);
   EXPECT_THAT(client.call_until_code(Status::ULTRASOUND_OUTDATED).status.message,
               HasSubstr("before the CT was loaded"));
 }

@@ -25,6 +25,9 @@ TEST(Registration, WrongParametersEndTheNodeNamingThem) {
   EXPECT_THAT(started_with("_preset:=fastest"),
               AllOf(HasSubstr("fastest"), HasSubstr("exit status 2")));
   EXPECT_EQ(std::system("rosparam delete /wrong"), 0);
+  EXPECT_THAT(started_with("_initial_alignment/rotation:='[0, 0, 90]'"),
+              AllOf(HasSubstr("/wrong/initial_alignment/rotation"), HasSubstr("exit status 2")));
+  EXPECT_EQ(std::system("rosparam delete /wrong"), 0);
   EXPECT_THAT(started_with("_max_tf_agee:=1.0"),
               AllOf(HasSubstr("/wrong/max_tf_agee"), HasSubstr("exit status 2")));
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "ros/conversions/alignment.h"
+#include "ros/conversions/poses.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -26,7 +27,7 @@ msg::RegistrationResult registered() {
 }
 
 TEST(AlignmentMessages, AnAcceptedResultIsBroadcastBitByBit) {
-  AlignmentDecisions decisions({"", true, true});
+  AlignmentDecisions decisions({"", true, true, 3600.0});
   const msg::RegistrationResult result = registered();
   const msg::StatusCode answer = to_message(decisions.offer(from_message(result), 500));
   EXPECT_EQ(answer.code, Code::OK) << answer.message;
@@ -67,6 +68,71 @@ TEST(AlignmentMessages, TheDigestTellsResultsApartHoweverOftenTheyAreSent) {
   // A node that was restarted gives another registration the same number.
   result.durations.resize(1);
   EXPECT_NE(from_message(result).digest, digest);
+}
+
+/// The pose of the CT's origin (m), and the rotation vector from `start` to `T`.
+Eigen::Matrix<double, 6, 1> moved(const Eigen::Isometry3d& T, const Eigen::Isometry3d& start) {
+  const Eigen::AngleAxisd turn(T.linear() * start.linear().transpose());
+  Eigen::Matrix<double, 6, 1> pose;
+  pose << T.translation(), turn.angle() * turn.axis();
+  return pose;
+}
+
+TEST(AlignmentMessages, TheCovarianceIsThatOfThePoseInTheFixedFrame) {
+  using Eigen::AngleAxisd;
+  using Eigen::Isometry3d;
+  using Eigen::Vector3d;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
+  const Isometry3d T_fixed_us =
+      Eigen::Translation3d(0.3, -1.2, 0.7) * AngleAxisd(1.1, Vector3d(1.0, -2.0, 0.5).normalized());
+  const Isometry3d T_us_ct = Eigen::Translation3d(-0.05, 0.21, 0.13) *
+                             AngleAxisd(-2.0, Vector3d(0.2, 1.0, 0.7).normalized());
+  Matrix6d root;
+  for (int i = 0; i < 36; ++i) root(i / 6, i % 6) = 1e-3 * std::sin(1.0 + 7.0 * i);
+  const Matrix6d in_us = root * root.transpose();
+
+  // The definition, by differences: a small motion d about the origin of the ultrasound's frame
+  // follows T_us_ct.
+  const Isometry3d start = T_fixed_us * T_us_ct;
+  constexpr double kSmall = 1e-6;
+  Matrix6d jacobian;
+  for (int i = 0; i < 6; ++i) {
+    Isometry3d motion = Isometry3d::Identity();
+    if (i < 3)
+      motion.translation()[i] = kSmall;
+    else
+      motion.linear() = AngleAxisd(kSmall, Vector3d::Unit(i - 3)).toRotationMatrix();
+    jacobian.col(i) = (moved(T_fixed_us * motion * T_us_ct, start) - moved(start, start)) / kSmall;
+  }
+  const Matrix6d expected = jacobian * in_us * jacobian.transpose();
+
+  msg::RegistrationResult result = registered();
+  Isometry3d us_ct_mm = T_us_ct;
+  us_ct_mm.translation() *= kMmPerM;
+  Isometry3d fixed_ct_mm = start;
+  fixed_ct_mm.translation() *= kMmPerM;
+  result.transform = to_message(us_ct_mm);
+  result.fixed_transform = to_message(fixed_ct_mm);
+  for (int i = 0; i < 36; ++i) result.covariance[static_cast<std::size_t>(i)] = in_us(i / 6, i % 6);
+  const auto pose = to_pose_message(from_message(result).alignment);
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->header.frame_id, "base");
+  EXPECT_EQ(pose->header.stamp, result.header.stamp);
+  EXPECT_EQ(pose->pose.pose.position.y, result.fixed_transform.translation.y);
+  EXPECT_EQ(pose->pose.pose.orientation, result.fixed_transform.rotation);
+  for (int i = 0; i < 36; ++i)
+    EXPECT_NEAR(pose->pose.covariance[static_cast<std::size_t>(i)], expected(i / 6, i % 6),
+                1e-5 * expected.norm())
+        << i;
+}
+
+TEST(AlignmentMessages, AnUnknownCovarianceIsNoPose) {
+  const Alignment alignment = from_message(registered()).alignment;
+  EXPECT_FALSE(to_pose_message(alignment));
+  const geometry_msgs::TransformStamped transform = to_transform_message(alignment);
+  EXPECT_EQ(transform.header.frame_id, "base");
+  EXPECT_EQ(transform.child_frame_id, "ct");
+  EXPECT_EQ(transform.transform, registered().fixed_transform);
 }
 
 }  // namespace

@@ -51,9 +51,116 @@ class FixedFrameTest : public testing::Test {
     return {Status::OK, "no refusal"};
   }
 
+  /// A sweep of five frames, one per second, the last of them at 100 s.
+  static BeamGrid sweep_beams() {
+    return beam_grid({{3, 3.0, 20.0},
+                      CurvilinearArray{40.0, {-0.4, 0.4}},
+                      MotorSweep{27.25, {-0.2, -0.1, 0.0, 0.1, 0.2}, 0.0}});
+  }
+  static std::vector<::ros::Time> sweep_stamps() {
+    std::vector<::ros::Time> stamps;
+    for (int i = 0; i < 5; ++i) stamps.emplace_back(96.0 + i);
+    return stamps;
+  }
+  double compensate(const std::vector<::ros::Time>& stamps, BeamGrid& beams) const {
+    return frame().compensate(us_at(100.0), frame().look_up(us_at(100.0)), stamps, beams);
+  }
+  Refusal sweep_refusal(const std::vector<::ros::Time>& stamps) const {
+    BeamGrid beams = sweep_beams();
+    try {
+      compensate(stamps, beams);
+    } catch (const Refusal& refusal) {
+      return refusal;
+    }
+    return {Status::OK, "no refusal"};
+  }
+
   tf2::BufferCore tf_{::ros::Duration(60.0)};
   FixedFrameOptions options_;
 };
+
+/// The probe moves by 2 mm along x from frame to frame.
+TEST_F(FixedFrameTest, EachFrameIsSeenFromWhereTheProbeWasThen) {
+  know(96.0, pose(0.0));
+  know(101.0, pose(10.0));
+  const BeamGrid still = sweep_beams();
+  BeamGrid beams = still;
+  EXPECT_NEAR(compensate(sweep_stamps(), beams), 8.0, 1e-6);
+  for (int f = 0; f < 5; ++f)
+    for (int l = 0; l < 2; ++l)
+      EXPECT_LT(
+          (beams.point(f, l, 2) - still.point(f, l, 2) + Vector3d(8.0 - 2.0 * f, 0.0, 0.0)).norm(),
+          1e-6);
+}
+
+TEST_F(FixedFrameTest, ASweepDuringWhichTheProbeMovesTooFarIsRefused) {
+  know(96.0, pose(0.0));
+  know(101.0, pose(14.0));  // 11.2 mm during the sweep, 2.8 mm from frame to frame
+  EXPECT_EQ(sweep_refusal(sweep_stamps()).code(), Status::TF_JUMPED);
+  EXPECT_THAT(sweep_refusal(sweep_stamps()).what(), HasSubstr("11.2 mm"));
+  EXPECT_THAT(sweep_refusal(sweep_stamps()).what(), HasSubstr("max_sweep_motion_mm"));
+  options_.max_sweep_motion_mm = 12.0;
+  EXPECT_EQ(sweep_refusal(sweep_stamps()).code(), Status::OK);
+}
+
+/// The last two seconds are without motion, so that the window around the stamp notices nothing.
+TEST_F(FixedFrameTest, AJumpBetweenTwoFramesIsRefused) {
+  know(95.0, pose(0.0));
+  know(97.4, pose(0.0));
+  know(97.5, pose(4.0));
+  know(101.0, pose(4.0));
+  EXPECT_EQ(sweep_refusal(sweep_stamps()).code(), Status::TF_JUMPED);
+  EXPECT_THAT(sweep_refusal(sweep_stamps()).what(), HasSubstr("between 97.000 s and 98.000 s"));
+}
+
+TEST_F(FixedFrameTest, TfMustReachBackToTheFirstFrame) {
+  know(97.0, pose(0.0));
+  know(101.0, pose(0.0));
+  EXPECT_EQ(sweep_refusal(sweep_stamps()).code(), Status::TF_UNAVAILABLE);
+}
+
+TEST_F(FixedFrameTest, AProbeAtRestLeavesTheBeamsAsTheyAre) {
+  know(95.0, pose(7.0, 12.0));
+  know(101.0, pose(7.0, 12.0));
+  const BeamGrid still = sweep_beams();
+  BeamGrid beams = still;
+  EXPECT_LT(compensate(sweep_stamps(), beams), 1e-6);
+  for (std::size_t i = 0; i < still.beams.size(); ++i) {
+    EXPECT_EQ(beams.beams[i].origin_mm, still.beams[i].origin_mm);
+    EXPECT_EQ(beams.beams[i].direction, still.beams[i].direction);
+  }
+}
+
+TEST_F(FixedFrameTest, WithoutFrameStampsAMotorisedSweepNeedsAProbeAtRest) {
+  know(90.0, pose(4.0));
+  know(96.4, pose(4.0));
+  know(96.5, pose(0.0));
+  know(101.0, pose(0.0));
+  options_.sweep_duration_s = 4.0;
+  EXPECT_EQ(sweep_refusal({}).code(), Status::TF_JUMPED);
+  EXPECT_THAT(sweep_refusal({}).what(), HasSubstr("'frame_stamps'"));
+  options_.sweep_duration_s = 3.0;
+  EXPECT_EQ(sweep_refusal({}).code(), Status::OK);
+  options_.sweep_duration_s = 11.0;
+  EXPECT_EQ(sweep_refusal({}).code(), Status::TF_UNAVAILABLE);
+  // The frames of a tracked sweep have poses of their own.
+  BeamGrid tracked = sweep_beams();
+  tracked.tracked = true;
+  EXPECT_EQ(compensate({}, tracked), 0.0);
+}
+
+TEST_F(FixedFrameTest, AnyStampIsARefusalAtMost) {
+  know(99.0, pose(0.0));
+  for (const std::uint32_t seconds : {1U, 4294967200U, 4294967295U}) {
+    std_msgs::Header us = us_at(1.0);
+    us.stamp = ::ros::Time(seconds, 999999999U);
+    EXPECT_THROW(frame().look_up(us), Refusal) << seconds;
+    try {
+      frame().require_still(us, {});
+    } catch (const Refusal&) {
+    }
+  }
+}
 
 TEST_F(FixedFrameTest, PoseIsThatAtTheStamp) {
   know(99.0, pose(100.0));

@@ -18,6 +18,8 @@ using testing::HasSubstr;
 
 bool never() { return false; }
 
+const ::ros::Time kNow(200.0);
+
 std_msgs::Header header(const std::string& frame, double seconds) {
   std_msgs::Header header;
   header.frame_id = frame;
@@ -80,8 +82,8 @@ TEST_F(HeldVolumesTest, NothingIsHeldAtFirst) {
 
 TEST_F(HeldVolumesTest, WhoAsksGetsWhatArrivedBefore) {
   for (int i = 1; i <= 50; ++i) {
-    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)));
-    volumes().arrived(msg::CtVolume::ConstPtr(ct_message(static_cast<unsigned>(i))));
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)), kNow);
+    volumes().arrived(msg::CtVolume::ConstPtr(ct_message(static_cast<unsigned>(i))), kNow);
     EXPECT_EQ(newest_s(), i);
     EXPECT_EQ(volumes().ct(never)->revision, static_cast<unsigned>(i));
     EXPECT_EQ(volumes().ct(never)->volume.voxels.front(), i);
@@ -91,7 +93,7 @@ TEST_F(HeldVolumesTest, WhoAsksGetsWhatArrivedBefore) {
 TEST_F(HeldVolumesTest, RecentUltrasoundIsKeptByStamp) {
   options_.ultrasound_volumes = 3;
   for (int i = 1; i <= 5; ++i) {
-    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)));
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(i)), kNow);
     newest_s();
   }
   for (const double kept : {3.0, 4.0, 5.0})
@@ -103,51 +105,142 @@ TEST_F(HeldVolumesTest, RecentUltrasoundIsKeptByStamp) {
 }
 
 TEST_F(HeldVolumesTest, MalformedUltrasoundHidesOlderOneUntilTheNext) {
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
   auto bad = ultrasound_message(2);
   bad->samples = 4000000000U;
-  volumes().arrived(msg::PreScanVolume::ConstPtr(bad));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(bad), kNow);
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(ultrasound_refusal().code(), Status::INVALID_MESSAGE);
     EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'samples' is 4000000000"));
   }
   EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::OK);
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)), kNow);
   EXPECT_EQ(newest_s(), 3.0);
 }
 
 TEST_F(HeldVolumesTest, UltrasoundWithoutStampOrFrameIsMalformed) {
   auto no_stamp = ultrasound_message(1);
   no_stamp->header.stamp = ::ros::Time();
-  volumes().arrived(msg::PreScanVolume::ConstPtr(no_stamp));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(no_stamp), kNow);
   EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'header.stamp'"));
   auto no_frame = ultrasound_message(2);
   no_frame->header.frame_id = "";
-  volumes().arrived(msg::PreScanVolume::ConstPtr(no_frame));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(no_frame), kNow);
   EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'header.frame_id'"));
 }
 
 TEST_F(HeldVolumesTest, MalformedCtHidesOlderOne) {
-  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);
   const auto first = volumes().ct(never);
   auto bad = ct_message(2);
   bad->data[3] ^= 1;
-  volumes().arrived(msg::CtVolume::ConstPtr(bad));
+  volumes().arrived(msg::CtVolume::ConstPtr(bad), kNow);
   EXPECT_EQ(ct_refusal().code(), Status::INVALID_MESSAGE);
   EXPECT_THAT(ct_refusal().what(), HasSubstr("revision 2"));
   EXPECT_FALSE(volumes().is_newest(*first));
-  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(3)));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(3)), kNow);
   EXPECT_EQ(volumes().ct(never)->revision, 3U);
 }
 
 TEST_F(HeldVolumesTest, CtIsNewestUntilAnotherArrives) {
-  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);
   const auto first = volumes().ct(never);
   EXPECT_TRUE(volumes().is_newest(*first));
-  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)));  // sent again
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);  // sent again
   EXPECT_TRUE(volumes().is_newest(*first));
-  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(2)));
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(2)), kNow);
   EXPECT_FALSE(volumes().is_newest(*first));
+}
+
+TEST_F(HeldVolumesTest, StampsFarAheadOfTheClockAreRefused) {
+  auto us = ultrasound_message(1);
+  us->header.stamp = ::ros::Time(4294967200U, 0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(us), kNow);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::INVALID_MESSAGE);
+  EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("'header.stamp' is 4294967200.000 s"));
+  auto ct = ct_message(1);
+  ct->header.stamp = ::ros::Time(4294967200U, 0);
+  volumes().arrived(msg::CtVolume::ConstPtr(ct), kNow);
+  EXPECT_EQ(ct_refusal().code(), Status::INVALID_MESSAGE);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(229.0)), kNow);
+  EXPECT_EQ(newest_s(), 229.0) << "clocks may differ a little";
+}
+
+TEST_F(HeldVolumesTest, FrameStampsMustBeWithinTheAcquisition) {
+  for (const std::vector<double>& stamps :
+       {std::vector<double>{0.0, 9.0}, {9.0, 8.0}, {9.0, 10.5}, {9.0}}) {
+    auto us = ultrasound_message(10);
+    for (const double stamp : stamps) us->frame_stamps.emplace_back(stamp);
+    volumes().arrived(msg::PreScanVolume::ConstPtr(us), kNow);
+    EXPECT_EQ(ultrasound_refusal().code(), Status::INVALID_MESSAGE);
+    EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("frame_stamps"));
+  }
+}
+
+/// A refusal says which ultrasound is refused.
+TEST_F(HeldVolumesTest, RefusedUltrasoundHasItsHeader) {
+  auto bad = ultrasound_message(7);
+  bad->crc32 ^= 1U;
+  volumes().arrived(msg::PreScanVolume::ConstPtr(bad), kNow);
+  try {
+    volumes().ultrasound(::ros::Time(), never);
+    FAIL();
+  } catch (const UltrasoundRefusal& refusal) {
+    EXPECT_EQ(refusal.header().stamp, ::ros::Time(7.0));
+    EXPECT_EQ(refusal.header().frame_id, "us");
+  }
+}
+
+class CtAndUltrasound : public HeldVolumesTest {
+ protected:
+  /// The CT whose voxels all have the value `voxels`, loaded at `stamp_s`.
+  void load_ct(int voxels, unsigned revision, double stamp_s, double now_s) {
+    auto message = ct_message(static_cast<unsigned>(voxels));
+    message->revision = revision;
+    message->header.stamp = ::ros::Time(stamp_s);
+    volumes().arrived(msg::CtVolume::ConstPtr(message), ::ros::Time(now_s));
+    ct_ = volumes().ct(never);
+  }
+  /// Whether ultrasound with this stamp, which arrives now, is older than the CT.
+  bool is_outdated(double stamp_s, double now_s) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(stamp_s)),
+                      ::ros::Time(now_s));
+    us_ = volumes().ultrasound(::ros::Time(), never);
+    return is_older(*us_, *ct_);
+  }
+  std::shared_ptr<const HeldCt> ct_;
+  std::shared_ptr<const HeldUltrasound> us_;
+};
+
+TEST_F(CtAndUltrasound, TheSameVoxelsKeepTheirFirstStamp) {
+  load_ct(5, 1, 100.0, 100.0);
+  EXPECT_TRUE(is_outdated(99.0, 101.0));
+  EXPECT_FALSE(is_outdated(102.0, 103.0));
+  load_ct(5, 2, 110.0, 110.0);
+  EXPECT_EQ(ct_->revision, 2U);
+  EXPECT_EQ(ct_->header.stamp, ::ros::Time(100.0));
+  EXPECT_FALSE(is_older(*us_, *ct_));
+  // With another CT in between, the ultrasound may be that of the other patient.
+  load_ct(6, 3, 120.0, 120.0);
+  EXPECT_TRUE(is_older(*us_, *ct_));
+  load_ct(5, 4, 130.0, 130.0);
+  EXPECT_TRUE(is_older(*us_, *ct_));
+}
+
+/// As in each loop of a bag: the CT that was loaded in the first loop is there in all that follow.
+TEST_F(CtAndUltrasound, AfterTimeRanBackTheCtWasThereBefore) {
+  load_ct(5, 1, 105.0, 105.0);
+  EXPECT_FALSE(is_outdated(110.0, 110.0));
+  const auto of_first_loop = us_;
+  EXPECT_FALSE(is_outdated(103.0, 103.0));
+  EXPECT_FALSE(is_older(*of_first_loop, *ct_));
+  // Acquired before the clock was set back, and before the CT.
+  EXPECT_TRUE(is_outdated(101.0, 103.5));
+  // A CT that is loaded after the jump may be of another patient than the ultrasound from before.
+  const auto of_second_loop = us_;
+  load_ct(6, 2, 100.0, 104.0);
+  EXPECT_TRUE(is_older(*of_first_loop, *ct_));
+  EXPECT_FALSE(is_older(*of_second_loop, *ct_));
 }
 
 class HeldVolumesWithTf : public HeldVolumesTest {
@@ -164,6 +257,7 @@ class HeldVolumesWithTf : public HeldVolumesTest {
   FixedFrame with_tf_{tf_, [] {
                         FixedFrameOptions options;
                         options.frame = "patient";
+                        options.sweep_duration_s = 0.5;
                         return options;
                       }()};
 };
@@ -171,7 +265,7 @@ class HeldVolumesWithTf : public HeldVolumesTest {
 TEST_F(HeldVolumesWithTf, WaitsForTfThenHasThePose) {
   options_.tf_timeout_s = 60.0;
   volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
   int asked = 0;
   const auto late = [&] {
     if (++asked == 3) {
@@ -188,13 +282,13 @@ TEST_F(HeldVolumesWithTf, WaitsForTfThenHasThePose) {
 TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   options_.tf_timeout_s = 0.01;
   volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   know(98.0, 0.0);
   know(99.0, 0.0);
   // A refusal that was decided in time is kept.
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)), kNow);
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
 }
 
@@ -204,7 +298,7 @@ TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
   volumes_.emplace(with_tf_, options_, [] {});
   know(99.0, 0.0);
   know(100.02, 0.0);
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
   const auto found = volumes().ultrasound(::ros::Time(), [] { return false; });
   int asked = 0;
   EXPECT_EQ(refusal([&] { volumes().require_still(*found, [&] { return ++asked > 2; }); }).code(),
@@ -228,7 +322,7 @@ TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
   options_.ultrasound_volumes = 2;
   volumes_.emplace(with_tf_, options_, [] {});
   for (int i = 0; i < 20; ++i) {
-    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100.0 + 0.01 * i)));
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100.0 + 0.01 * i)), kNow);
     EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted
   }
   know(99.0, 0.0);
@@ -242,7 +336,7 @@ TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
 TEST_F(HeldVolumesWithTf, WaitEndsWhenCancelled) {
   options_.tf_timeout_s = 600.0;
   volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
   int asked = 0;
   const Refusal refused =
       refusal([&] { volumes().ultrasound(::ros::Time(), [&] { return ++asked > 2; }); });

@@ -73,17 +73,20 @@ TEST(ReadVolumeMessage, StampsWithTheAcquisitionOrRefuses) {
   source.path = folder.path() / "us.nrrd";
   write_prescan_nrrd(volume, source.path);
   std::vector<std::string> warnings;
-  const auto found =
-      read_volume_message(source, "probe", FileStamp::kAcquisition, ::ros::Time(7.0), warnings);
+  const ::ros::Time later(1716000000, 0);
+  const auto found = read_volume_message(source, "probe", FileStamp::kAcquisition, later, warnings);
   EXPECT_EQ(found->header.stamp, ::ros::Time(1715938200, 0));
   EXPECT_EQ(found->header.frame_id, "probe");
   EXPECT_EQ(from_message(*found, "message").voxels, volume.voxels);
-
-  volume.acquisition_time.clear();
-  write_prescan_nrrd(volume, source.path);
+  // It is in the future of this clock.
   EXPECT_THROW(
       read_volume_message(source, "probe", FileStamp::kAcquisition, ::ros::Time(7.0), warnings),
       InputError);
+
+  volume.acquisition_time.clear();
+  write_prescan_nrrd(volume, source.path);
+  EXPECT_THROW(read_volume_message(source, "probe", FileStamp::kAcquisition, later, warnings),
+               InputError);
   EXPECT_EQ(read_volume_message(source, "probe", FileStamp::kReading, ::ros::Time(7.0), warnings)
                 ->header.stamp,
             ::ros::Time(7.0));

@@ -23,6 +23,8 @@ Isometry3d shifted(double x_mm) {
   return T;
 }
 
+constexpr std::uint32_t kCt = 77;
+
 /// Ultrasound 1000 mm along x in the fixed frame "patient".
 class InitialAlignmentsTest : public testing::Test {
  protected:
@@ -37,8 +39,8 @@ class InitialAlignmentsTest : public testing::Test {
     options.frame = "patient";
     return options;
   }
-  double set(const SetRequest& request, double now_s = 50.0) {
-    return alignments_.set(request, ::ros::Time(now_s),
+  double set(const SetRequest& request, std::uint64_t now_ms = 50) {
+    return alignments_.set(request, now_ms,
                            [this]() -> std::shared_ptr<const HeldUltrasound> { return us_; });
   }
   SetRequest pose(const std::string& frame, double x_mm) const {
@@ -48,18 +50,26 @@ class InitialAlignmentsTest : public testing::Test {
     request.transform = to_message(shifted(x_mm));
     return request;
   }
-  void accept(std::uint8_t state, double x_mm, double when_s, const std::string& ct_frame = "ct") {
+  void accept(std::uint8_t state, double x_mm, std::uint64_t result_id,
+              const std::string& ct_frame = "ct", std::uint32_t ct_crc32 = kCt) {
     auto alignment = boost::make_shared<msg::Alignment>();
     alignment->state = state;
     alignment->header.frame_id = "patient";
     alignment->ct_frame = ct_frame;
-    alignment->accepted = ::ros::Time(when_s);
+    alignment->ct_crc32 = ct_crc32;
+    alignment->policy = "auto";
+    alignment->result_id = result_id;
+    // Simulated time may jump back, so that it orders nothing.
+    alignment->accepted = ::ros::Time(7.0);
     if (state != msg::Alignment::NONE) alignment->transform = to_message(shifted(x_mm));
     alignments_.arrived(alignment);
   }
   /// Source and x of T_us_ct, mm.
   std::string chosen(const std::optional<geometry_msgs::TransformStamped>& goal = {}) const {
-    const auto found = alignments_.choose(goal, *us_, "ct");
+    HeldCt ct;
+    ct.header.frame_id = "ct";
+    ct.crc32 = kCt;
+    const auto found = alignments_.choose(goal, *us_, ct);
     if (!found) return "none";
     return found->source + " " + std::to_string(std::lround(found->T_us_ct.translation().x()));
   }
@@ -81,9 +91,9 @@ class InitialAlignmentsTest : public testing::Test {
 
 TEST_F(InitialAlignmentsTest, FirstThatExistsCounts) {
   EXPECT_EQ(chosen(), "parameters 4");
-  accept(msg::Alignment::RESTORED, 1003.0, 10.0);
+  accept(msg::Alignment::RESTORED, 1003.0, 0);
   EXPECT_EQ(chosen(), "restored 3");
-  accept(msg::Alignment::ACCEPTED, 1005.0, 20.0);
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20);
   EXPECT_EQ(chosen(), "accepted 5");
   set(pose("us", 2.0));
   EXPECT_EQ(chosen(), "set 2");
@@ -95,20 +105,20 @@ TEST_F(InitialAlignmentsTest, FirstThatExistsCounts) {
 }
 
 TEST_F(InitialAlignmentsTest, SetLastsUntilClearedOrAResultIsAccepted) {
-  set(pose("us", 2.0), 50.0);
-  accept(msg::Alignment::ACCEPTED, 1005.0, 20.0);  // before the alignment was set
+  set(pose("us", 2.0), 50);
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20);  // from before the alignment was set
   EXPECT_EQ(chosen(), "set 2");
-  accept(msg::Alignment::RESTORED, 1005.0, 60.0);
+  accept(msg::Alignment::RESTORED, 1005.0, 0);
   EXPECT_EQ(chosen(), "set 2");
-  accept(msg::Alignment::ACCEPTED, 1006.0, 60.0);
+  accept(msg::Alignment::ACCEPTED, 1006.0, 60);
   EXPECT_EQ(chosen(), "accepted 6");
-  set(pose("us", 7.0), 70.0);
+  set(pose("us", 7.0), 70);
   EXPECT_EQ(chosen(), "set 7");
   SetRequest clear;
   clear.type = SetRequest::CLEAR;
-  set(clear, 80.0);
+  set(clear, 80);
   EXPECT_EQ(chosen(), "accepted 6");
-  accept(msg::Alignment::NONE, 0.0, 0.0);
+  accept(msg::Alignment::NONE, 0.0, 0);
   EXPECT_EQ(chosen(), "parameters 4");
 }
 
@@ -119,16 +129,20 @@ TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
 }
 
 TEST_F(InitialAlignmentsTest, SetInTheFixedFrameNeedsNoUltrasound) {
-  alignments_.set(pose("patient", 1009.0), ::ros::Time(50.0),
-                  []() -> std::shared_ptr<const HeldUltrasound> {
-                    throw Refusal(Status::NO_ULTRASOUND, "none");
-                  });
+  alignments_.set(pose("patient", 1009.0), 50, []() -> std::shared_ptr<const HeldUltrasound> {
+    throw Refusal(Status::NO_ULTRASOUND, "none");
+  });
   EXPECT_EQ(chosen(), "set 9");
 }
 
 TEST_F(InitialAlignmentsTest, AlignmentOfAnotherCtIsNotUsed) {
-  accept(msg::Alignment::ACCEPTED, 1005.0, 20.0, "ct_of_last_month");
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20, "ct_of_last_month");
   EXPECT_EQ(chosen(), "parameters 4");
+  // Another patient's CT may have a frame of the same name.
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20, "ct", kCt + 1);
+  EXPECT_EQ(chosen(), "parameters 4");
+  accept(msg::Alignment::ACCEPTED, 1005.0, 20);
+  EXPECT_EQ(chosen(), "accepted 5");
 }
 
 TEST_F(InitialAlignmentsTest, LandmarksAreAligned) {

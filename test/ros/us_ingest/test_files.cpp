@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <rosgraph_msgs/Log.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -8,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "core/io/temporary_folder.h"
 #include "core/ultrasound/lagging_sweep.h"
@@ -83,7 +85,18 @@ std::string bytes_of(const fs::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-TEST(Folder, TakesWholeFilesNamesBadOnesAndGoesOn) {
+/// Whether `text` occurs in any of the messages.
+template <typename Message>
+bool is_named(const Inbox<Message>& inbox, const std::string& text) {
+  for (const auto& message : inbox.all()) {
+    std::ostringstream shown;
+    shown << *message;
+    if (shown.str().find(text) != std::string::npos) return true;
+  }
+  return false;
+}
+
+TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
   const test::TemporaryFolder folder;
   const test::TemporaryFolder elsewhere;
   PreScanVolume volume;
@@ -114,9 +127,16 @@ TEST(Folder, TakesWholeFilesNamesBadOnesAndGoesOn) {
   EXPECT_EQ(volumes.all()[0]->header.stamp, ::ros::Time(1715938200, 0));
   EXPECT_EQ(volumes.all()[0]->header.frame_id, "us");
 
-  std::ofstream(folder.path() / "bad.nrrd", std::ios::binary) << bytes.substr(0, bytes.size() / 2);
+  // The names of files may be those of patients.
+  const Inbox<rosgraph_msgs::Log> log(node, "/rosout");
+  std::ofstream(folder.path() / "DOE_JOHN.nrrd", std::ios::binary)
+      << bytes.substr(0, bytes.size() / 2);
   EXPECT_TRUE(wait_for_diagnostics(diagnostics, "watching",
-                                   diagnostic_msgs::DiagnosticStatus::ERROR, "bad.nrrd"));
+                                   diagnostic_msgs::DiagnosticStatus::ERROR,
+                                   "file 2 of the watched folder: "));
+  EXPECT_FALSE(is_named(diagnostics, "DOE_JOHN"));
+  ASSERT_TRUE(wait_for([&] { return is_named(log, "file 2 of the watched folder"); }));
+  EXPECT_FALSE(is_named(log, "DOE_JOHN"));
   volume.voxels[0] = 99;
   write_prescan_nrrd(volume, folder.path() / "next.nrrd");
   ASSERT_TRUE(volumes.wait(2));

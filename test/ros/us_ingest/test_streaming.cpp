@@ -93,6 +93,35 @@ TEST_P(Streaming, TwoMotorisedSweepsInARowArriveBitByBit) {
                                    "published"));
 }
 
+/// Each of these once ended the node, which is `required`.
+TEST_P(Streaming, FramesWithStampsFarFromNowAreDropped) {
+  for (const std::uint32_t seconds : {4294967200U, 4294967295U}) {
+    std::vector<msg::PreScanFrame> frames =
+        frames_of(motorised(::ros::Time::now(), 1.0), next_sweep());
+    for (msg::PreScanFrame& frame : frames) frame.header.stamp = ::ros::Time(seconds, 0);
+    send(frames);
+    tf2_msgs::TFMessage message;
+    message.transforms.resize(1);
+    message.transforms[0].header = frames.front().header;
+    message.transforms[0].header.frame_id = "patient";
+    message.transforms[0].child_frame_id = "array_far";
+    message.transforms[0].transform.rotation.w = 1.0;
+    tf_.publish(message);
+  }
+  const msg::PreScanVolume sweep = motorised(::ros::Time::now(), 1.0);
+  send(frames_of(sweep, next_sweep()));
+  EXPECT_EQ(volume(0), sweep);
+  EXPECT_TRUE(wait_for([&] {
+    for (const auto& message : diagnostics_.all())
+      for (const auto& status : message->status)
+        for (const auto& value : status.values)
+          if (status.name.find(space_) != std::string::npos && value.key == "last problem" &&
+              value.value.find("ahead of this node's clock") != std::string::npos)
+            return true;
+    return false;
+  }));
+}
+
 TEST_P(Streaming, TrackedFramesGetTheirPosesFromTfThatComesLater) {
   constexpr int kFrames = 10;
   constexpr double kPeriod_s = 0.05;

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/io/volumes/ct_selection.h"
 #include "us_ct_registration/progress.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -74,6 +75,8 @@ struct DicomReadOptions {
 /// A CT as it was read.
 struct LoadedCt {
   CtVolume volume;
+  /// The grid of the whole CT, of which `volume` may be a part.
+  Grid whole_grid;
   /// "DICOM", or the format of the image file.
   std::string format;
   /// Empty for image files, or where the files do not state it.
@@ -100,14 +103,15 @@ std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
 /// one is used, with a warning; different pixels are an error.
 ///
 /// Throws InputError, naming the file or the series and the fault, for files that cannot be read
-/// and, unless options.resample_irregular, for slices that are not on a regular grid.
+/// and, unless options.resample_irregular, for slices that are not on a regular grid; and, before
+/// pixels are decompressed, for a CT beyond the limits of the selection.
 LoadedCt read_dicom_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
-                       const Progress& progress = {});
+                       const Progress& progress = {}, const CtSelection& selection = {});
 
 /// The CT at `path`, which is a folder of DICOM files, a DICOM file (see read_dicom_ct), or an
 /// image file (see volume_io.h; `options` are not used then). Throws InputError.
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
-                 const Progress& progress = {});
+                 const Progress& progress = {}, const CtSelection& selection = {});
 
 /// Whether the path is a folder, or a file that begins as DICOM files do (a preamble of 128 bytes,
 /// then "DICM"). False for anything else, also for a file that cannot be opened.

@@ -23,6 +23,8 @@ struct VolumeInfo {
   Grid grid;
   /// Type of the stored values: "uint8", "int16", "float32" and so on.
   std::string component;
+  /// Size of a stored value.
+  std::size_t voxel_bytes = 0;
   bool compressed = false;
   /// Values are stored times `scale` plus `offset` (NIfTI's scl_slope and scl_inter).
   double scale = 1.0;

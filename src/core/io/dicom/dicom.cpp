@@ -115,7 +115,7 @@ std::vector<DicomSeries> find_dicom_series(const fs::path& path) {
 }
 
 LoadedCt read_dicom_ct(const fs::path& path, const DicomReadOptions& options,
-                       const Progress& progress) {
+                       const Progress& progress, const CtSelection& selection) {
   options.validate();
   const std::string source = path.string();
   const io::DicomScan scan = io::scan_dicom(path);
@@ -130,13 +130,18 @@ LoadedCt read_dicom_ct(const fs::path& path, const DicomReadOptions& options,
   ct.warnings = io::warnings_of(scan, all, series);
   const SliceStack stacked = io::stack_of(slices, options.position_tolerance);
   check_stack(source, stacked, options, ct.warnings);
+  ct.whole_grid = stacked.irregular.empty()
+                      ? stacked.grid
+                      : io::resampled_grid(source, io::poses_of(slices), stacked);
+  ct.whole_grid.validate(source);
+  require_fits(selection, ct.whole_grid, sizeof(std::int16_t), source);
   ct.volume = load_volume(source, slices, stacked, progress);
-  ct.volume.grid.validate(source);
   const std::vector<std::string> duplicates = io::for_each_duplicate(
       slices, stacked, [](const std::string& kept, const std::string& other) {
         return "passed over: '" + other + "', the same slice as '" + kept + "'";
       });
   ct.warnings.insert(ct.warnings.end(), duplicates.begin(), duplicates.end());
+  ct.volume = selected(std::move(ct.volume), selection, ct.warnings);
   return ct;
 }
 
@@ -154,15 +159,18 @@ bool is_dicom(const fs::path& path) {
   }
 }
 
-LoadedCt read_ct(const fs::path& path, const DicomReadOptions& options, const Progress& progress) {
+LoadedCt read_ct(const fs::path& path, const DicomReadOptions& options, const Progress& progress,
+                 const CtSelection& selection) {
   std::error_code error;
   if (!has_volume_extension(path) || fs::is_directory(path, error))
-    return read_dicom_ct(path, options, progress);
+    return read_dicom_ct(path, options, progress, selection);
   LoadedCt ct;
   const VolumeInfo info = read_volume_info(path);
   ct.format = info.format;
   ct.warnings = info.warnings;
-  ct.volume = read_volume<std::int16_t>(path);
+  ct.whole_grid = info.grid;
+  require_fits(selection, info.grid, info.voxel_bytes, path.string());
+  ct.volume = selected(read_volume<std::int16_t>(path), selection, ct.warnings);
   return ct;
 }
 

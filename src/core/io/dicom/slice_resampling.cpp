@@ -30,9 +30,10 @@ bool bilinear(const std::int16_t* slice, const Eigen::Vector2i& size, double x, 
   return true;
 }
 
-/// The regular grid that covers all slices.
-Grid covering_grid(const std::string& source, const std::vector<SlicePose>& slices,
-                   const SliceStack& stack) {
+}  // namespace
+
+Grid resampled_grid(const std::string& source, const std::vector<SlicePose>& slices,
+                    const SliceStack& stack) {
   constexpr double kRounding = 1e-3;  // shifts below this, in voxels, do not enlarge the grid
   const SlicePose& first = slices[static_cast<std::size_t>(stack.order.front())];
   const double least_mm = stack.least_spacing_mm;
@@ -61,11 +62,9 @@ Grid covering_grid(const std::string& source, const std::vector<SlicePose>& slic
   return grid;
 }
 
-}  // namespace
-
 CtVolume resample_stack(const std::string& source, const std::vector<SlicePose>& slices,
                         const SliceStack& stack, const std::vector<std::int16_t>& voxels) {
-  CtVolume volume(covering_grid(source, slices, stack), kAirHu);
+  CtVolume volume(resampled_grid(source, slices, stack), kAirHu);
   const Grid& grid = volume.grid;
   const SlicePose& first = slices[static_cast<std::size_t>(stack.order.front())];
   const std::size_t slice_voxels = static_cast<std::size_t>(first.size.prod());

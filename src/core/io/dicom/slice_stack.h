@@ -63,10 +63,13 @@ SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance);
 /// Value of voxels outside all slices: air.
 constexpr std::int16_t kAirHu = -1024;
 
+/// A regular grid with the slices' axes and normal, the least spacing between neighbours, and the
+/// extent of all slices. Throws InputError, naming `source`, if it has more than 8192 slices.
+Grid resampled_grid(const std::string& source, const std::vector<SlicePose>& slices,
+                    const SliceStack& stack);
+
 /// The voxels of the slices (in the stack's order) interpolated linearly at their true positions
-/// onto a regular grid with the slices' axes and normal, the least spacing between neighbours, and
-/// the extent of all slices. Throws InputError, naming `source`, if that would take more than 8192
-/// slices.
+/// onto the grid above.
 CtVolume resample_stack(const std::string& source, const std::vector<SlicePose>& slices,
                         const SliceStack& stack, const std::vector<std::int16_t>& voxels);
 

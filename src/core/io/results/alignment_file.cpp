@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
@@ -16,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr const char* kFormat = "us_ct_registration alignment 1";
+constexpr const char* kFormat = "us_ct_registration alignment 2";
 
 std::uint32_t checksum(const Json& content) {
   const std::string text = content.dump();
@@ -35,6 +36,8 @@ Json to_json(const Alignment& alignment) {
           {"us_stamp_ns", alignment.us_stamp_ns},
           {"accepted_ns", alignment.accepted_ns},
           {"expected_error_m", std::isfinite(error_m) ? Json(error_m) : Json(nullptr)},
+          {"covariance", std::vector<double>(alignment.covariance.reshaped().begin(),
+                                             alignment.covariance.reshaped().end())},
           {"ct_crc32", alignment.ct_crc32}};
 }
 
@@ -48,6 +51,8 @@ Alignment alignment_from(const Json& json, const std::string& source) {
   alignment.ct_crc32 = json.at("ct_crc32").get<std::uint32_t>();
   const Json& error_m = json.at("expected_error_m");
   if (!error_m.is_null()) alignment.expected_error_m = error_m.get<double>();
+  const auto covariance = json.at("covariance").get<std::array<double, 36>>();
+  alignment.covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6>>(covariance.data());
   const auto t = json.at("translation_m").get<std::array<double, 3>>();
   const auto q = json.at("rotation_xyzw").get<std::array<double, 4>>();
   alignment.T_fixed_ct.translation_m = {t[0], t[1], t[2]};

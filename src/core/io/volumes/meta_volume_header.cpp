@@ -4,6 +4,7 @@
 #include "io/bytes.h"
 #include "io/format.h"
 #include "io/header_fields.h"
+#include "io/sibling_file.h"
 #include "io/volumes/volume_header.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
@@ -113,7 +114,7 @@ void locate_data(const fs::path& path, const MetaText& text, VolumeHeader& heade
   const bool local = name == "LOCAL" || name == "Local" || name == "local";
   if (name == "LIST" || name.find('%') != std::string::npos || name.empty())
     fields.refuse("ElementDataFile", "LOCAL or the name of one file");
-  header.data_file = local ? path : path.parent_path() / name;
+  header.data_file = local ? path : sibling_file(path, name, "ElementDataFile");
   header.begin = local ? text.data_begin : 0;
   if (!fields.find("HeaderSize")) return;
   const int header_size = fields.require_ints("HeaderSize", 1)[0];

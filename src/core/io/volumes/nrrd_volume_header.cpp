@@ -7,6 +7,7 @@
 #include "io/bytes.h"
 #include "io/format.h"
 #include "io/header_fields.h"
+#include "io/sibling_file.h"
 #include "io/volumes/nrrd_header.h"
 #include "io/volumes/volume_header.h"
 #include "text.h"
@@ -156,7 +157,7 @@ void locate_data(const fs::path& path, const HeaderFields& fields, std::size_t h
   const auto data_file = fields.find(data_field);
   if (data_file && (data_file->substr(0, 4) == "LIST" || data_file->find('%') != std::string::npos))
     fields.refuse(data_field, "the name of one file");
-  header.data_file = data_file ? path.parent_path() / *data_file : path;
+  header.data_file = data_file ? sibling_file(path, *data_file, data_field) : path;
   header.begin = data_file ? 0 : header_bytes;
 
   const std::string line_skip = spelling(fields, "line skip", "lineskip");

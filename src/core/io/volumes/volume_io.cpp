@@ -220,6 +220,7 @@ VolumeInfo read_volume_info(const fs::path& path) {
   info.format = header.format;
   info.grid = header.grid;
   info.component = io::name_of(header.component);
+  info.voxel_bytes = io::bytes_of(header.component);
   info.compressed = header.encoding != Encoding::kRaw;
   info.scale = header.scale;
   info.offset = header.offset;

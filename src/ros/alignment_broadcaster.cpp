@@ -1,0 +1,100 @@
+#include "ros/alignment_broadcaster.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "ros/conversions/alignment.h"
+
+namespace usct::ros_interface {
+namespace {
+
+/// Least distance of two stamps. Python's listeners keep stamps as double numbers of seconds, which
+/// are 0.24 us apart today; a second transform of a stamp is dropped.
+const ::ros::Duration kStep(0, 1000);
+
+/// Whether two alignments are the same transform.
+bool same_transform(const std::optional<Alignment>& a, const std::optional<Alignment>& b) {
+  if (!a || !b) return !a && !b;
+  return a->fixed_frame == b->fixed_frame && a->ct_frame == b->ct_frame &&
+         a->T_fixed_ct == b->T_fixed_ct;
+}
+
+}  // namespace
+
+AlignmentBroadcaster::AlignmentBroadcaster(const ::ros::NodeHandle& node, const Options& options,
+                                           TfWatch& watch)
+    : watch_(watch),
+      tolerance_(options.tolerance_s),
+      node_(with_queue(node, guarded_)),
+      spinner_(1, &queue_) {
+  timer_ = node_.createTimer(::ros::Duration(1.0 / options.rate_hz),
+                             [this](const ::ros::TimerEvent&) { broadcast(false); });
+  // The timer above follows simulated time, which stands still once a bag has ended. Late
+  // subscribers must get the transform as well.
+  still_clock_timer_ =
+      node_.createWallTimer(::ros::WallDuration(1.0),
+                            [this](const ::ros::WallTimerEvent&) { broadcast_if_clock_stands(); });
+  spinner_.start();
+}
+
+::ros::Time AlignmentBroadcaster::show(const std::optional<Alignment>& alignment) {
+  ::ros::Time last_of_other;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (same_transform(alignment, alignment_)) return last_of_other;
+    alignment_ = alignment;
+    is_new_ = true;
+    last_of_other = last_stamp_;
+  }
+  broadcast(false);
+  return last_of_other;
+}
+
+geometry_msgs::TransformStamped AlignmentBroadcaster::stamped(const ::ros::Time& stamp) const {
+  geometry_msgs::TransformStamped transform;
+  transform.header.stamp = stamp;
+  transform.header.frame_id = alignment_->fixed_frame;
+  transform.child_frame_id = alignment_->ct_frame;
+  transform.transform = to_message(alignment_->T_fixed_ct);
+  return transform;
+}
+
+void AlignmentBroadcaster::broadcast(bool clock_stands) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const ::ros::Time now = ::ros::Time::now();
+  if (now.isZero()) return;  // simulated time has not begun
+  if (now < last_now_) {
+    ROS_WARN("time jumped back by %.3f s", (last_now_ - now).toSec());
+    last_stamp_ = ::ros::Time();  // listeners forget what they have
+    is_new_ = true;
+  }
+  last_now_ = now;
+  if (!alignment_) return;
+  std::vector<::ros::Time> stamps;
+  if (is_new_ && !last_stamp_.isZero()) stamps.push_back(last_stamp_ + kStep);
+  if (is_new_ && now > last_stamp_ + kStep) stamps.push_back(now);
+  const ::ros::Time earliest = (stamps.empty() ? last_stamp_ : stamps.back()) + kStep;
+  const ::ros::Time regular = now + tolerance_;
+  if (regular >= earliest || is_new_ || clock_stands) stamps.push_back(std::max(regular, earliest));
+  std::vector<geometry_msgs::TransformStamped> transforms;
+  for (const ::ros::Time& stamp : stamps) {
+    transforms.push_back(stamped(stamp));
+    watch_.sent(transforms.back());
+    last_stamp_ = stamp;
+  }
+  is_new_ = false;
+  if (!transforms.empty()) broadcaster_.sendTransform(transforms);
+}
+
+void AlignmentBroadcaster::broadcast_if_clock_stands() {
+  const ::ros::Time now = ::ros::Time::now();
+  bool clock_stands = false;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    clock_stands = now == clock_at_check_;
+    clock_at_check_ = now;
+  }
+  if (clock_stands) broadcast(true);
+}
+
+}  // namespace usct::ros_interface

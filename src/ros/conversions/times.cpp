@@ -1,0 +1,36 @@
+#include "ros/conversions/times.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+
+::ros::Time shifted(const ::ros::Time& time, double seconds) {
+  constexpr double kNanosecondsPerSecond = 1e9;
+  const std::int64_t sum = nanoseconds_from(time) +
+                           static_cast<std::int64_t>(std::llround(kNanosecondsPerSecond * seconds));
+  return time_from(std::clamp(sum, std::int64_t{0}, nanoseconds_from(::ros::TIME_MAX)));
+}
+
+void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source,
+                       const std::string& field) {
+  const double ahead_s = seconds_between(now, stamp);
+  if (now.isZero() || ahead_s <= kMostAheadS) return;
+  throw InputError(
+      source, "'" + field + "' is " + seconds_text(stamp) + " s, " + seconds_text(ahead_s) +
+                  " s ahead of this node's clock, must be at most " + seconds_text(kMostAheadS) +
+                  " s ahead: the stamp is wrong, or the clocks disagree");
+}
+
+std::string seconds_text(double seconds) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.3f", seconds);
+  return text;
+}
+
+std::string seconds_text(const ::ros::Time& time) { return seconds_text(time.toSec()); }
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <ros/callback_queue_interface.h>
+#include <ros/node_handle.h>
+
+#include <cstdint>
+#include <exception>
+
+namespace usct::ros_interface {
+
+/// Hands callbacks on to another queue, so that an exception which one of them lets out is logged
+/// and goes no further. ROS has no such net: an exception in a subscription or a timer ends the
+/// process, and with nodelets all nodes of the manager.
+class GuardedQueue : public ::ros::CallbackQueueInterface {
+ public:
+  /// `queue` must outlive this object.
+  explicit GuardedQueue(::ros::CallbackQueueInterface& queue) : queue_(queue) {}
+
+  void addCallback(const ::ros::CallbackInterfacePtr& callback, std::uint64_t owner_id) override;
+  void removeByID(std::uint64_t owner_id) override { queue_.removeByID(owner_id); }
+
+ private:
+  ::ros::CallbackQueueInterface& queue_;
+};
+
+/// The node handle with another queue.
+::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueueInterface& queue);
+
+/// Says in the log that `what` was stopped by an exception.
+void log_escaped(const char* what, const std::exception& error);
+
+}  // namespace usct::ros_interface

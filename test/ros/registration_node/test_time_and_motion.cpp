@@ -1,0 +1,145 @@
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <tf2_msgs/TFMessage.h>
+#include <us_ct_registration/Alignment.h>
+
+#include <atomic>
+
+#include "registration_client.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::Isometry3d;
+using testing::AllOf;
+using testing::HasSubstr;
+
+const Isometry3d kPatientUs = test::rigid({0.2, 0.7, -0.4}, {110, 60, 900});
+constexpr double kPeriodS = 0.1;
+
+/// The nodes of a namespace run as processes, or as nodelets of one manager.
+class TimeAndMotion : public testing::TestWithParam<const char*> {
+ protected:
+  TimeAndMotion()
+      : client_(GetParam()), tf_(client_.node.advertise<tf2_msgs::TFMessage>("/tf", 100)) {
+    // All processes of the launch file that listen to tf are connected.
+    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 8; }));
+  }
+
+  void know(const ::ros::Time& stamp, const Isometry3d& T_patient_us, const std::string& us_frame) {
+    tf2_msgs::TFMessage message;
+    message.transforms.resize(1);
+    message.transforms[0].header = header("patient", stamp);
+    message.transforms[0].child_frame_id = us_frame;
+    message.transforms[0].transform = to_message(T_patient_us);
+    tf_.publish(message);
+  }
+
+  /// A sweep that has just ended, of a probe that turns about the axis of its motor, which turns by
+  /// `share` less than in the phantom's sweep. Both together, the frames are the phantom's.
+  /// `drift_mm` moves the probe along x as well, which makes its images wrong.
+  Result register_moving(double share, double drift_mm, const std::string& us_frame) {
+    const ::ros::Time end = ::ros::Time::now();
+    msg::PreScanVolume sweep = agar_ultrasound(end, us_frame);
+    const double probe_mm = kMmPerM * sweep.geometry.probe_radius;
+    const double motor_mm = kMmPerM * sweep.geometry.motor_radius;
+    const std::size_t last = sweep.frame_angles.size() - 1;
+    for (std::size_t i = 0; i <= last; ++i) {
+      const double moved_rad = share * sweep.frame_angles[i];
+      const ::ros::Time stamp = end - ::ros::Duration(kPeriodS * static_cast<double>(last - i));
+      const double way_mm = drift_mm * static_cast<double>(i) / static_cast<double>(last);
+      const Isometry3d T = kPatientUs * Eigen::Translation3d(way_mm, 0.0, 0.0) *
+                           T_us_frame_at_motor_angle(probe_mm, motor_mm, moved_rad);
+      sweep.frame_stamps.push_back(stamp);
+      sweep.frame_angles[i] -= moved_rad;
+      know(stamp, T, us_frame);
+      if (i == last) know(end + ::ros::Duration(0.5), T, us_frame);
+    }
+    client_.send_ct(agar().ct, 7, end - ::ros::Duration(30.0));
+    EXPECT_EQ(client_.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
+    client_.send(sweep);
+    return client_.call_until([&](const Result& result) { return result.us_stamp == end; });
+  }
+
+  RegistrationClient client_;
+  ::ros::Publisher tf_;
+};
+
+double measure(const Result& result, const std::string& name) {
+  for (const msg::Measure& one : result.measures)
+    if (one.name == name) return one.value;
+  return -1.0;
+}
+
+TEST_P(TimeAndMotion, ASweepOfAMovingProbeIsCompensated) {
+  const std::string frame = std::string("us_compensated_") + GetParam();
+  const Result result = register_moving(0.05, 0.0, frame);
+  ASSERT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
+  const Isometry3d T_patient_ct = from_message_mm(result.fixed_transform, "result");
+  EXPECT_LT(agar().error_mm(kPatientUs.inverse() * T_patient_ct), kGoodMm);
+  EXPECT_GT(measure(result, "sweep_motion_mm"), 3.0);
+  EXPECT_LT(measure(result, "sweep_motion_mm"), 10.0);
+}
+
+TEST_P(TimeAndMotion, ASweepOfAProbeThatMovesFarIsRefused) {
+  const std::string frame = std::string("us_far_") + GetParam();
+  // 100 mm in 4.3 s: 2.3 mm within the window around the stamp, where 3 mm are allowed.
+  const Result result = register_moving(0.0, 100.0, frame);
+  EXPECT_EQ(result.status.code, Status::TF_JUMPED) << result.status.message;
+  EXPECT_THAT(result.status.message,
+              AllOf(HasSubstr("during the sweep"), HasSubstr("max_sweep_motion_mm"),
+                    HasSubstr("100.0 mm")));
+  EXPECT_EQ(result.header.frame_id, frame);
+  EXPECT_TRUE(is_zero(result.fixed_transform));
+}
+
+/// One message with a stamp in the year 2106 must not end a node: `required` in the launch file
+/// would end the test.
+TEST_P(TimeAndMotion, StampsFarFromNowEndNoNode) {
+  const ::ros::Publisher results = client_.node.advertise<Result>("registration/result", 1);
+  const ::ros::Publisher alignments =
+      client_.node.advertise<msg::Alignment>("registration/alignment", 1);
+  // The nodelets of a manager share a connection; the client has one of its own to the results.
+  const bool in_one_process = GetParam() == std::string("nodelets");
+  EXPECT_TRUE(eventually([&] {
+    return alignments.getNumSubscribers() >= (in_one_process ? 1U : 2U) &&
+           results.getNumSubscribers() >= (in_one_process ? 2U : 3U);
+  }));
+  for (const std::uint32_t seconds : {4294967200U, 4294967295U}) {
+    const ::ros::Time far(seconds, 0);
+    client_.send_ct(agar().ct, 8, far);
+    msg::PreScanVolume sweep = agar_ultrasound(far, "us_far_future");
+    client_.send(sweep);
+    EXPECT_THAT(client_.call_until_code(Status::INVALID_MESSAGE).status.message,
+                HasSubstr("ahead of this node's clock"));
+    know(far, kPatientUs, "us_far_future");
+    Result result;
+    result.header = header("us", far);
+    result.us_stamp = result.ct_stamp = far;
+    result.id = seconds;
+    results.publish(result);
+    msg::Alignment alignment;
+    alignment.header = header("patient", far);
+    alignment.state = msg::Alignment::NONE;
+    alignment.accepted = far;
+    alignments.publish(alignment);
+  }
+  // All nodes still work, and diagnostics still come.
+  std::atomic<int> clouds{0};
+  const ::ros::Subscriber cloud = client_.node.subscribe<sensor_msgs::PointCloud2>(
+      "us/cloud", 10, [&](const auto&) { ++clouds; });
+  std::atomic<int> reports{0};
+  const ::ros::Subscriber diagnostics = client_.node.subscribe<diagnostic_msgs::DiagnosticArray>(
+      "/diagnostics", 100, [&](const diagnostic_msgs::DiagnosticArray::ConstPtr& array) {
+        for (const auto& status : array->status)
+          if (status.name.rfind(std::string(GetParam()) + "/", 0) == 0) ++reports;
+      });
+  const std::string frame = std::string("us_after_") + GetParam();
+  EXPECT_EQ(register_moving(0.0, 0.0, frame).status.code, Status::REGISTERED);
+  EXPECT_TRUE(eventually([&] { return clouds > 0 && reports > 4; }));
+}
+
+INSTANTIATE_TEST_SUITE_P(Registration, TimeAndMotion, testing::Values("processes", "nodelets"));
+
+}  // namespace
+}  // namespace usct::ros_interface
