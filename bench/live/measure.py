@@ -375,7 +375,8 @@ class Stream:
             begin = time.monotonic()
             while time.monotonic() < begin + seconds:
                 self._volume.header.stamp = rospy.Time.now()
-                self._volume.frame_stamps = []
+                # The images show the kidney as from one place, whatever the probe did before.
+                self._volume.frame_stamps = [self._volume.header.stamp] * self._volume.frames
                 sent[self._volume.header.stamp] = time.monotonic()
                 self._volumes.publish(self._volume)
                 time.sleep(max(0.0, begin + len(sent) / self._rate_hz - time.monotonic()))
