@@ -74,7 +74,7 @@ class Recording:
         self.folder, self.ct, self.bag_options = folder, ct, bag_options
         self.start_s = 0
 
-    def next_bag(self, pose):
+    def next_bag(self, pose, pause_s=60):
         """Writes a bag with the probe at POSES[pose], 1000 s after the previous bag."""
         self.start_s += 1000
         file = self.folder / "pose.tfm"
@@ -82,7 +82,7 @@ class Recording:
                         f"Parameters: {POSES[pose]}\nFixedParameters: 0 0 0 0\n")
         bag = self.folder / f"{self.start_s}.bag"
         run([usct(), "bag", "write", *map(str, self.bag_options), "--fixed-pose", str(file), "--start",
-             str(self.start_s), "--frame-rate", "40", "--pause", "60", "--output", str(bag)], None)
+             str(self.start_s), "--frame-rate", "40", "--pause", str(pause_s), "--output", str(bag)], None)
         return bag
 
 
@@ -220,9 +220,27 @@ class TestReplay(unittest.TestCase):
 
     def test_nodelets_in_one_process(self):
         self.system.start_master()
-        self.system.start_nodes("nodelet:=true")
+        self.system.start_nodes("nodelet:=true", f"data_root:={self.acquisition.case}")
         self.system.client("ready")
         self.acquire_and_register(0)
+        self.register_in_loops()
+
+    def register_in_loops(self):
+        """A CT that is loaded in one loop of a bag, after the sweep, is there in all loops that follow."""
+        self.system.stop("player")
+        bag = self.acquisition.next_bag(0, pause_s=4)
+        self.system.start("player", "rosbag", "play", "-l", "--clock", "--quiet", str(bag))
+        self.system.client("acquired", self.acquisition.start_s)
+        self.system.client("initial", self.acquisition.initial)
+        # Another CT than the one before, for that one would keep its stamp.
+        for call in (("/ct/roi", "{decimation: 2}"), ("/ct/load", "ct.nrrd", "")):
+            run(["rosservice", "call", *call], self.system.environment)
+
+        def code():
+            answer = yaml.safe_load(run(["rosservice", "call", "/register"], self.system.environment))
+            return answer["result"]["status"]["code"]
+        wait_for(lambda: code() == StatusCode.ULTRASOUND_OUTDATED, "the new CT")
+        wait_for(lambda: code() in (StatusCode.REGISTERED, StatusCode.LOW_CONFIDENCE), "the next loop")
 
     def drawn(self, topic):
         """The newest message of a topic of us_cloud, as a third party receives it."""
