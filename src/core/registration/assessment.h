@@ -18,9 +18,9 @@ struct Assessment {
   std::optional<Mirror> best_mirror;
 };
 
-/// Whether another round could find the right pose: the one that was found is no better than chance,
-/// or no firmer than a wrong one. Not if mirrored ultrasound fits so much better that it is the
-/// right one.
+/// Whether another round could find the right pose: the one that was found is no better than
+/// chance, or no firmer than a wrong one. Not if mirrored ultrasound fits so much better that it is
+/// the right one.
 bool may_be_missed(const Assessment& assessment);
 
 /// Images, and the search on them that the evidence is compared with. Both must outlive it.
