@@ -34,6 +34,10 @@ SimilarityOptions similarity_named(const std::string& name, const std::string& s
 
 SimilarityNeeds needs_of(const SimilarityOptions& options);
 
+/// The same metric on `samples` of each patch, or on fewer if it takes fewer already. A metric
+/// without patches is not changed.
+SimilarityOptions on_samples(SimilarityOptions options, SampleSubset samples);
+
 /// Throws InputError, naming `source`, the field, its value and the constraint.
 void validate(const SimilarityOptions& options, const std::string& source);
 

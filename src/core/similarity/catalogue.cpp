@@ -44,6 +44,18 @@ SimilarityNeeds needs_of(const SimilarityOptions& options) {
   return std::visit([](const auto& metric) { return metric.needs(); }, options);
 }
 
+SimilarityOptions on_samples(SimilarityOptions options, SampleSubset samples) {
+  if (samples == SampleSubset::kAll) return options;
+  std::visit(
+      [&](auto& metric) {
+        using Metric = std::decay_t<decltype(metric)>;
+        if constexpr (!std::is_same_v<Metric, SimulatedLc2Options>)
+          metric.patches.samples = samples;
+      },
+      options);
+  return options;
+}
+
 void validate(const SimilarityOptions& options, const std::string& source) {
   std::visit([&](const auto& metric) { metric.validate(source); }, options);
 }

@@ -21,7 +21,6 @@ Assessment strong() {
   m.mirror_ratio = m.chance_ratio = m.rival_ratio = 2.0;
   m.mirror_advantage = m.chance_advantage = m.rival_advantage = 5.0;
   m.parts_mm = m.ridge_parts_mm = 0.5;
-  m.parts_ratio = 0.2;
   assessment.best_mirror = Mirror::kLines;
   return assessment;
 }
@@ -46,7 +45,6 @@ Assessment torn() {
   Assessment assessment = strong();
   assessment.measures.parts_mm = 7.0;
   assessment.measures.ridge_parts_mm = 9.0;
-  assessment.measures.parts_ratio = 1.1;
   return assessment;
 }
 
@@ -106,7 +104,6 @@ TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
 
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
   Assessment assessment = mirrored(Mirror::kLines, 0.7, -9.0);
-  assessment.measures.parts_ratio = 0.9;
   expect_named(assessment, {"lines in reverse order"});
 }
 

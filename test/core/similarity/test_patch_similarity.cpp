@@ -582,6 +582,23 @@ TEST(Catalogue, MetricsSayWhatTheyNeed) {
   EXPECT_TRUE(needs_of(along).beams);
 }
 
+TEST(Catalogue, AMetricTakesASubsetOfTheSamplesOfItsPatches) {
+  for (SimilarityOptions options : all_metrics()) {
+    patches_of(options) = cubes(5.0);
+    SimilarityOptions same = on_samples(options, SampleSubset::kAll);
+    EXPECT_EQ(patches_of(same), cubes(5.0)) << similarity_name(options);
+    SimilarityOptions half = on_samples(options, SampleSubset::kHalf);
+    PatchOptions expected = cubes(5.0);
+    expected.samples = SampleSubset::kHalf;
+    EXPECT_EQ(patches_of(half), expected) << similarity_name(options);
+    // What takes half of the samples already does not take more.
+    half = on_samples(half, SampleSubset::kAll);
+    EXPECT_EQ(patches_of(half), expected) << similarity_name(options);
+  }
+  const SimilarityOptions simulated = SimulatedLc2Options{};
+  EXPECT_EQ(on_samples(simulated, SampleSubset::kHalf).index(), simulated.index());
+}
+
 TEST(Catalogue, ACtThatIsMissingIsAnErrorOfTheProgram) {
   const Case c = make_case();
   const auto us = std::make_shared<const BeamUltrasound>(c.us);
