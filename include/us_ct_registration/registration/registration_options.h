@@ -47,7 +47,7 @@ struct RoundOptions {
   /// Greatest number of rounds; [1, 6].
   int most = 2;
   /// Round r, counted from 0, has growth^r times the starts of the first; [1, 16].
-  int growth = 4;
+  int growth = 2;
   /// From the second round on, the levels optimise and keep breadth * growth^r times as many optima
   /// as in the first, the deciding level deciding_breadth * growth^r times; [1, 64].
   int breadth = 1;

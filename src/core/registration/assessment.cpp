@@ -109,48 +109,70 @@ bool may_be_missed(const Assessment& assessment) {
   return right->chance < 0.5 || right->parts < 0.5;
 }
 
-Outcome<Assessment> Assessor::assess(const std::vector<Candidate>& optima, const Candidate& refined,
-                                     Run& run) {
-  const FieldPoints& field = images_.prepared.field;
-  Assessment assessment;
-  assessment.measures.overlap = refined.overlap;
-  assessment.measures.displacement_mm =
-      field.distance_mm(refined.T_us_ct, problem_.T_us_ct_initial);
-  assessment.measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optima.front().T_us_ct);
-  if (const std::optional<RefinementOptions>& refinement = options_.refinement) {
-    if (refinement->depth_error > 0.0) assessment.measures.depth_error = refined.errors.depth;
-    if (refinement->sweep_error > 0.0) assessment.measures.sweep_error = refined.errors.sweep;
-  }
-  const ConfidenceOptions& confidence = options_.confidence;
-  if (!confidence.gates.max_wrong_probability) return assessment;
-  if (confidence.evidence == EvidenceSource::kPatient)
-    return assess_as_patient(std::move(assessment), refined, run);
-  return gather({images_, problem_}, optima, refined, std::move(assessment), run);
+bool Assessor::parts_could_save(const Assessment& compared) const {
+  const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
+  Assessment best = compared;
+  best.measures.parts_mm = best.measures.ridge_parts_mm = 0.0;
+  const std::optional<RightProbability> right = right_probability(best.measures);
+  return !limit || !right || 1.0 - right->all() <= *limit || !may_be_missed(best);
 }
 
-Outcome<Assessment> Assessor::assess_as_patient(Assessment assessment, const Candidate& refined,
-                                                Run& run) {
+Assessment Assessor::compare(const std::vector<Candidate>& optima, Run& run) {
+  Assessment assessment;
+  assessment.measures.displacement_mm =
+      images_.prepared.field.distance_mm(optima.front().T_us_ct, problem_.T_us_ct_initial);
+  if (gathers(EvidenceSource::kOwn))
+    compare_with_others({images_, problem_}, optima, assessment, run);
+  return assessment;
+}
+
+Outcome<Assessment> Assessor::assess(Assessment assessment, const std::vector<Candidate>& optima,
+                                     const Candidate& refined, Run& run) {
+  const FieldPoints& field = images_.prepared.field;
+  Measures& measures = assessment.measures;
+  measures.overlap = refined.overlap;
+  measures.displacement_mm = field.distance_mm(refined.T_us_ct, problem_.T_us_ct_initial);
+  measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optima.front().T_us_ct);
+  if (const std::optional<RefinementOptions>& refinement = options_.refinement) {
+    if (refinement->depth_error > 0.0) measures.depth_error = refined.errors.depth;
+    if (refinement->sweep_error > 0.0) measures.sweep_error = refined.errors.sweep;
+  }
+  if (gathers(EvidenceSource::kPatient)) {
+    const std::optional<Refusal> refusal = compare_as_patient(refined, assessment, run);
+    if (refusal) return *refusal;
+  } else if (gathers(EvidenceSource::kOwn)) {
+    compare_parts({images_, problem_}, refined, assessment, run);
+  }
+  if (const std::optional<RightProbability> right = right_probability(measures))
+    measures.wrong_probability = 1.0 - right->all();
+  return assessment;
+}
+
+bool Assessor::gathers(EvidenceSource source) const {
+  const ConfidenceOptions& confidence = options_.confidence;
+  return confidence.gates.max_wrong_probability && confidence.evidence == source;
+}
+
+std::optional<Refusal> Assessor::compare_as_patient(const Candidate& refined,
+                                                    Assessment& assessment, Run& run) {
   const RegistrationOptions patient;
   const Outcome<ImagePyramid> images =
       prepare(ultrasound_, ct_, problem_.T_us_ct_initial, patient, run);
   if (!images) return images.refusal();
   const SearchProblem problem{images->similarities(), patient.search, problem_.T_us_ct_initial,
                               images->prepared.field, options_.seed};
-  const std::vector<Candidate> optima =
-      optima_around(problem, refined, options_.confidence.rival_mm, run);
-  return gather({*images, problem}, optima, refined, std::move(assessment), run);
+  const EvidenceImages on{*images, problem};
+  compare_with_others(on, optima_around(problem, refined, options_.confidence.rival_mm, run),
+                      assessment, run);
+  compare_parts(on, refined, assessment, run);
+  return std::nullopt;
 }
 
-Assessment Assessor::gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
-                            const Candidate& refined, Assessment assessment, Run& run) {
-  Measures& measures = assessment.measures;
+void Assessor::compare_with_others(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                                   Assessment& assessment, Run& run) {
   const PatchComparison patches(on.images, options_.confidence, optima.front());
   compare_with_decoys(on, optima.front(), patches, assessment, run);
-  compare_with_rivals(on, optima, patches, measures);
-  compare_parts(on, refined, assessment, run);
-  if (const std::optional<RightProbability> right = right_probability(measures))
-    measures.wrong_probability = 1.0 - right->all();
-  return assessment;
+  compare_with_rivals(on, optima, patches, assessment.measures);
 }
 
 void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& best,

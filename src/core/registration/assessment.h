@@ -39,16 +39,24 @@ class Assessor {
            const SearchProblem& problem, const RegistrationOptions& options)
       : ultrasound_(ultrasound), ct_(ct), images_(images), problem_(problem), options_(options) {}
 
-  /// `optima` are those of the search, best first; `refined` is the first one after its refinement.
-  /// Evidence is gathered only if a gate asks for it. Refuses if the images of the evidence cannot
-  /// be made.
-  Outcome<Assessment> assess(const std::vector<Candidate>& optima, const Candidate& refined,
-                             Run& run);
+  /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
+  /// its rivals. Evidence is gathered only if a gate asks for it; that of other images is left to
+  /// `assess`.
+  Assessment compare(const std::vector<Candidate>& optima, Run& run);
+  /// Whether a pose that was compared is worth its refinement. It is not if it would be refused
+  /// even if all parts of the field agreed about it, and another round could find a better one.
+  bool parts_could_save(const Assessment& compared) const;
+  /// Completes what `compare` made of these optima; `refined` is the first one after its
+  /// refinement. Refuses if the images of the evidence cannot be made.
+  Outcome<Assessment> assess(Assessment compared, const std::vector<Candidate>& optima,
+                             const Candidate& refined, Run& run);
 
  private:
-  Outcome<Assessment> assess_as_patient(Assessment assessment, const Candidate& refined, Run& run);
-  Assessment gather(const EvidenceImages& on, const std::vector<Candidate>& optima,
-                    const Candidate& refined, Assessment assessment, Run& run);
+  bool gathers(EvidenceSource source) const;
+  void compare_with_others(const EvidenceImages& on, const std::vector<Candidate>& optima,
+                           Assessment& assessment, Run& run);
+  std::optional<Refusal> compare_as_patient(const Candidate& refined, Assessment& assessment,
+                                            Run& run);
   void compare_with_decoys(const EvidenceImages& on, const Candidate& best,
                            const PatchComparison& patches, Assessment& result, Run& run);
   void compare_with_rivals(const EvidenceImages& on, const std::vector<Candidate>& optima,

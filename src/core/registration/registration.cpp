@@ -30,15 +30,20 @@ Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolum
     if (optima.empty())
       return Refusal{RegistrationStatus::kNoOverlap,
                      "no pose in reach has CT and ultrasound overlap"};
-    Outcome<Candidate> refined = refine(*images, ct, optima.front(), options, run);
+    const bool is_last = round + 1 == options.search.rounds.most;
+    const Assessment compared =
+        run.timed("confidence", [&] { return assessor.compare(optima, run); });
+    run.report(0.2 + 0.8 * (round + 0.5) / options.search.rounds.most);
+    if (!is_last && !assessor.parts_could_save(compared)) continue;
+    const Outcome<Candidate> refined = refine(*images, ct, optima.front(), options, run);
     if (!refined) return refined.refusal();
     const Outcome<Assessment> assessment =
-        run.timed("confidence", [&] { return assessor.assess(optima, *refined, run); });
+        run.timed("confidence", [&] { return assessor.assess(compared, optima, *refined, run); });
     if (!assessment) return assessment.refusal();
     const std::optional<GateFailure> failure =
         judge(assessment->measures, options.confidence.gates);
     run.report(0.2 + 0.8 * (round + 1) / options.search.rounds.most);
-    if (!failure || !may_be_missed(*assessment) || round + 1 == options.search.rounds.most)
+    if (!failure || is_last || !may_be_missed(*assessment))
       return result_of(optima, *refined, *assessment, failure);
   }
 }
