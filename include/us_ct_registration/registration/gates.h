@@ -56,7 +56,8 @@ struct Measures {
   /// and the bound below which the error lies in 90 of 100 registrations that are right.
   std::optional<double> expected_error_mm;
   std::optional<double> error_bound_mm;
-  /// Errors of the acquisition, if the refinement estimated them; see AcquisitionErrors.
+  /// Errors of the acquisition, estimated by the refinement, or else by a check of the final pose;
+  /// see AcquisitionErrors. They are reported, and no evidence against the pose.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "registration/acquisition_check.h"
 #include "registration/expected_error.h"
 #include "registration/paired_advantage.h"
 #include "us_ct_registration/geometry/target_errors.h"
@@ -141,7 +142,7 @@ Outcome<Assessment> Assessor::assess(Assessment assessment, const std::vector<Ca
     const std::optional<Refusal> refusal = compare_as_patient(refined, assessment, run);
     if (refusal) return *refusal;
   } else if (gathers(EvidenceSource::kOwn)) {
-    compare_parts({images_, problem_}, refined, assessment, run);
+    check_field({images_, problem_}, refined, assessment, run);
   }
   if (const std::optional<RightProbability> right = right_probability(measures))
     measures.wrong_probability = 1.0 - right->all();
@@ -164,7 +165,7 @@ std::optional<Refusal> Assessor::compare_as_patient(const Candidate& refined,
   const EvidenceImages on{*images, problem};
   compare_with_others(on, optima_around(problem, refined, options_.confidence.rival_mm, run),
                       assessment, run);
-  compare_parts(on, refined, assessment, run);
+  check_field(on, refined, assessment, run);
   return std::nullopt;
 }
 
@@ -173,6 +174,19 @@ void Assessor::compare_with_others(const EvidenceImages& on, const std::vector<C
   const PatchComparison patches(on.images, options_.confidence, optima.front());
   compare_with_decoys(on, optima.front(), patches, assessment, run);
   compare_with_rivals(on, optima, patches, assessment.measures);
+}
+
+void Assessor::check_field(const EvidenceImages& on, const Candidate& refined,
+                           Assessment& assessment, Run& run) const {
+  compare_parts(on, refined, assessment, run);
+  const ConfidenceOptions& confidence = options_.confidence;
+  const std::optional<AcquisitionErrors> errors = acquisition_errors_at(
+      refined.T_us_ct, *on.images.levels.back().images, confidence.ridge_similarity,
+      confidence.parts, on.images.prepared.field, run);
+  if (!errors) return;
+  Measures& measures = assessment.measures;
+  if (!measures.depth_error) measures.depth_error = errors->depth;
+  if (!measures.sweep_error) measures.sweep_error = errors->sweep;
 }
 
 void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& best,

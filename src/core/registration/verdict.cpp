@@ -1,6 +1,7 @@
 #include "registration/verdict.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 
@@ -58,6 +59,26 @@ std::string parts_words(const Measures& m) {
          "patient's; check probe geometry and tracking, and acquire again during a breath hold";
 }
 
+/// Errors beyond these are named. Of seven phantoms with right geometry none was estimated to be
+/// off by half as much in depth, or by two thirds in the sweep.
+constexpr double kWrongDepth = 0.04;
+constexpr double kWrongSweep = 0.08;
+
+/// A fault of the recorded geometry that the images show, as a sentence to append; empty if none.
+std::string acquisition_words(const Measures& m) {
+  std::string words;
+  const auto percent = [](double error) { return number(100.0 * std::abs(error)) + " %"; };
+  if (m.depth_error && std::abs(*m.depth_error) > kWrongDepth)
+    words += "; the ultrasound fits better if its depths are " + percent(*m.depth_error) +
+             (*m.depth_error > 0.0 ? " larger" : " smaller") +
+             ": check depth and sample spacing in the probe file, and the speed of sound";
+  if (m.sweep_error && std::abs(*m.sweep_error) > kWrongSweep)
+    words += "; the ultrasound fits better if its frames lie " + percent(*m.sweep_error) +
+             (*m.sweep_error > 0.0 ? " farther apart" : " closer together") +
+             ": check the motor's step in the probe file, or the tracking of the probe";
+  return words;
+}
+
 /// What was found, why it is not believed and what would help, by the weakest kind of evidence.
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
@@ -92,6 +113,7 @@ RegistrationResult result_of(const std::vector<Candidate>& optima, const Candida
     result.message = "all gates passed";
     result.T_us_ct = refined.T_us_ct;
   }
+  if (!failure || !failure->no_overlap) result.message += acquisition_words(assessment.measures);
   return result;
 }
 

@@ -244,20 +244,6 @@ TEST(Registration, WhatHooksThrowReachesTheCaller) {
                std::runtime_error);
 }
 
-/// Registers an agar case whose echoes lie at (1 + error) times the depth that is recorded.
-RegistrationResult with_wrong_depth(double error, const std::string& changes) {
-  RegistrationCase images = agar_case();
-  images.us.beams.axial.spacing_mm /= 1.0 + error;
-  images.us.beams.axial.start_depth_mm /= 1.0 + error;
-  return registered(images, nearby(images), quick_options(changes));
-}
-
-TEST(Registration, AcquisitionErrorsAreAbsentUnlessAllowed) {
-  const RegistrationResult result = with_wrong_depth(0.02, "");
-  EXPECT_FALSE(result.measures.depth_error);
-  EXPECT_FALSE(result.measures.sweep_error);
-}
-
 RegistrationResult by_thesis_b(const RegistrationCase& images, double sign) {
   const RegistrationOptions options = parse_registration_options(
       "preset: thesis_b\nsearch: {levels: {0: {optimizer: {max_evaluations: 60}}}}\n", "test");

@@ -102,6 +102,24 @@ TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
   expect_named(torn(), {"parts of the ultrasound", "7 and 9 mm"});
 }
 
+TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
+  Assessment assessment = strong();
+  const auto message = [&] {
+    return result_of(two_optima(), refined(), assessment, std::nullopt).message;
+  };
+  assessment.measures.depth_error = -0.03;
+  assessment.measures.sweep_error = 0.05;
+  EXPECT_EQ(message(), "all gates passed");
+  assessment.measures.depth_error = -0.06;
+  EXPECT_NE(message().find("depths are 6 % smaller"), std::string::npos) << message();
+  EXPECT_EQ(message().find("frames"), std::string::npos) << message();
+  assessment.measures.sweep_error = 0.12;
+  EXPECT_NE(message().find("12 % farther apart"), std::string::npos) << message();
+  assessment = torn();
+  assessment.measures.depth_error = 0.07;
+  expect_named(assessment, {"depths are 7 % larger", "probe file"});
+}
+
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
   Assessment assessment = mirrored(Mirror::kLines, 0.7, -9.0);
   expect_named(assessment, {"lines in reverse order"});
