@@ -47,6 +47,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   options.restore_max_age_s =
       parameters.number("restore_max_age", options.restore_max_age_s, 0.0, kLongestAgeS);
   alignment_file_ = parameters.text("alignment_file", "");
+  proposed_frame_ = parameters.frame("proposed_frame", "ct_proposed");
   AlignmentBroadcaster::Options broadcasts;
   broadcasts.rate_hz = parameters.number("rate", broadcasts.rate_hz, 1.0, 1000.0);
   broadcasts.tolerance_s =
@@ -62,6 +63,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   decisions_ = AlignmentDecisions(options);
   restore();
   broadcaster_ = std::make_unique<AlignmentBroadcaster>(node_, broadcasts, watch_);
+  proposed_broadcaster_ = std::make_unique<AlignmentBroadcaster>(node_, broadcasts, watch_);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("alignment", this, &TfPublisher::diagnose);
   advertise();
@@ -81,6 +83,7 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
 
 void TfPublisher::advertise() {
   alignment_publisher_ = node_.advertise<msg::Alignment>("registration/alignment", 1, true);
+  proposed_publisher_ = node_.advertise<msg::Alignment>("registration/proposed", 1, true);
   // These two are not latched: nobody could take a latched pose back once it holds no more.
   pose_publisher_ =
       node_.advertise<geometry_msgs::PoseWithCovarianceStamped>("registration/pose", 10);
@@ -180,6 +183,16 @@ msg::StatusCode TfPublisher::apply(const Change& change) {
 
 void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    const std::string source = "result " + std::to_string(result->id) + " is refused";
+    for (const auto& [stamp, field] :
+         {std::pair(result->header.stamp, "header.stamp"), std::pair(result->us_stamp, "us_stamp")})
+      require_not_ahead(stamp, ::ros::Time::now(), source, field);
+  } catch (const InputError& error) {
+    last_refusal_ = error.what();
+    ROS_WARN("%s", error.what());
+    return;
+  }
   OfferedResult offered = from_message(*result);
   offered.ask_because = why_ask(*result);
   const msg::StatusCode answer =
@@ -211,7 +224,25 @@ void TfPublisher::on_tf(const TfEvent& event, bool is_static) {
 
 void TfPublisher::check_tf() {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!conflict(decisions_.state()).empty()) show();
+  const AlignmentState state = decisions_.state();
+  if (!conflict(state).empty()) show();
+  proposed_broadcaster_->show(proposed(state));
+}
+
+std::optional<Alignment> TfPublisher::proposed(const AlignmentState& state) const {
+  std::optional<Alignment> proposed = state.proposed;
+  if (!proposed || proposed_frame_.empty()) return std::nullopt;
+  const bool is_taken = proposed_frame_ == proposed->ct_frame ||
+                        proposed_frame_ == proposed->fixed_frame ||
+                        (state.broadcast && proposed_frame_ == state.broadcast->ct_frame);
+  proposed->ct_frame = proposed_frame_;
+  if (is_taken ||
+      !watch_.conflict(proposed->fixed_frame, proposed_frame_, TfWatch::Clock::now()).empty()) {
+    ROS_WARN_THROTTLE(10.0, "what waits for accept is not shown in tf: its frame '%s' is in use",
+                      proposed_frame_.c_str());
+    return std::nullopt;
+  }
+  return proposed;
 }
 
 bool TfPublisher::decide(const Change& change, Decide::Response& response) {
@@ -239,9 +270,13 @@ bool TfPublisher::decide(const Change& change, Decide::Response& response) {
   }
   const AlignmentState state = decisions_.state();
   const ::ros::Time last_of_other = broadcaster_->show(state.broadcast);
+  proposed_broadcaster_->show(proposed(state));
   msg::Alignment message = to_message(state);
   message.policy = policy_;
   alignment_publisher_.publish(message);
+  msg::Alignment waiting = to_proposed_message(state);
+  waiting.policy = policy_;
+  proposed_publisher_.publish(waiting);
   publish_pose(state);
   return last_of_other;
 }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "ros/alignment_broadcaster.h"
@@ -49,8 +50,11 @@ class TfPublisher {
   /// Broadcasts and publishes the state, suspended if tf speaks against it. Returns as
   /// `AlignmentBroadcaster::show`.
   ::ros::Time show();
-  /// Suspends the alignment if tf speaks against it.
+  /// Suspends the alignment, and hides the one that waits, if tf speaks against it.
   void check_tf();
+  /// The alignment that waits for a decision, in the frame `proposed_frame_`; empty if tf speaks
+  /// against that frame or the parameter is.
+  std::optional<Alignment> proposed(const AlignmentState& state) const;
   /// Publishes the alignment that is broadcast, if any, as messages that other packages know.
   void publish_pose(const AlignmentState& state);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
@@ -60,7 +64,9 @@ class TfPublisher {
   std::string policy_;
   ::ros::WallDuration tolerance_;
   TfWatch watch_;
+  std::string proposed_frame_;
   std::unique_ptr<AlignmentBroadcaster> broadcaster_;
+  std::unique_ptr<AlignmentBroadcaster> proposed_broadcaster_;
 
   std::mutex mutex_;  // guards the members below, up to file_error_
   AlignmentDecisions decisions_{{}};
@@ -69,6 +75,7 @@ class TfPublisher {
   std::string file_error_;
 
   ::ros::Publisher alignment_publisher_;
+  ::ros::Publisher proposed_publisher_;
   ::ros::Publisher pose_publisher_;
   ::ros::Publisher transform_publisher_;
   ::ros::Subscriber result_subscriber_;

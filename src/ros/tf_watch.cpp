@@ -21,14 +21,13 @@ void TfWatch::sent(const geometry_msgs::TransformStamped& transform) {
     sent_before_ = std::move(sent_);
     sent_.clear();
   }
-  sent_[transform.header.stamp] = transform;
+  sent_[{transform.header.stamp, transform.child_frame_id}] = transform;
 }
 
 bool TfWatch::is_own(const geometry_msgs::TransformStamped& transform) const {
   for (const Sent* sent : {&sent_, &sent_before_}) {
-    const auto own = sent->find(transform.header.stamp);
+    const auto own = sent->find({transform.header.stamp, transform.child_frame_id});
     if (own != sent->end() && own->second.header.frame_id == transform.header.frame_id &&
-        own->second.child_frame_id == transform.child_frame_id &&
         own->second.transform == transform.transform)
       return true;
   }

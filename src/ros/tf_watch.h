@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 
 namespace usct::ros_interface {
 
@@ -44,8 +45,8 @@ class TfWatch {
     Clock::time_point when;
   };
 
-  /// By stamp.
-  using Sent = std::map<::ros::Time, geometry_msgs::TransformStamped>;
+  /// By stamp and child frame.
+  using Sent = std::map<std::pair<::ros::Time, std::string>, geometry_msgs::TransformStamped>;
 
   bool is_own(const geometry_msgs::TransformStamped& transform) const;
   const Heard* find(const std::string& child, Clock::time_point now) const;

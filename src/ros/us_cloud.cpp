@@ -16,7 +16,9 @@ namespace usct::ros_interface {
 namespace msg = us_ct_registration;
 
 UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
-    : node_(node), tf_input_(tf_, node_) {
+    : node_(node),
+      tf_input_(tf_, node_),
+      diagnostics_(node, private_node, private_node.getNamespace()) {
   tf_.setUsingDedicatedThread(true);
   Parameters parameters(private_node);
   fixed_frame_ = parameters.frame("fixed_frame", "");
@@ -26,12 +28,15 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   volume_spacing_mm_ = kMmPerM * parameters.number("volume_spacing", 0.002, 1e-4, 0.1);
   surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
   tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
+  const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   us_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/cloud", 1, true);
   volume_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/volume_cloud", 1, true);
   ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud", 1, true);
   surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_placed", 1, true);
+  proposed_publisher_ =
+      node_.advertise<visualization_msgs::MarkerArray>("ct/surface_proposed", 1, true);
   refused_ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud_refused", 1, true);
   refused_surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_refused", 1, true);
@@ -40,7 +45,13 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   surface_subscriber_ = node_.subscribe("ct/surface", 1, &UsCloud::take_surface, this);
   alignment_subscriber_ =
       node_.subscribe("registration/alignment", 1, &UsCloud::take_alignment, this);
+  proposed_subscriber_ = node_.subscribe("registration/proposed", 1, &UsCloud::take_proposed, this);
   result_subscriber_ = node_.subscribe("registration/result", 1, &UsCloud::take_result, this);
+  diagnostics_.setHardwareID("none");
+  diagnostics_.add("clouds", this, &UsCloud::diagnose);
+  diagnostics_timer_ =
+      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
+                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
 }
 
 Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
@@ -95,10 +106,14 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   {
     const std::lock_guard lock(mutex_);
     shown_ = std::move(shown);
+    problem_.clear();
   }
   show_ct();
 } catch (const std::exception& error) {
-  ROS_ERROR("ultrasound of %.3f s is not shown: %s", message->header.stamp.toSec(), error.what());
+  const std::lock_guard lock(mutex_);
+  problem_ =
+      "ultrasound of " + seconds_text(message->header.stamp) + " s is not shown: " + error.what();
+  ROS_ERROR("%s", problem_.c_str());
 }
 
 void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
@@ -113,16 +128,28 @@ void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {
   ROS_ERROR("%s", error.what());
 }
 
-void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
-  Placement placement{message->header.frame_id, std::nullopt, message->ct_crc32};
+UsCloud::Placement UsCloud::placement_of(const msg::Alignment& message) {
+  Placement placement{message.header.frame_id, message.message, std::nullopt, message.ct_crc32};
   try {
-    placement.T_fixed_ct = T_fixed_ct_from(*message);
+    placement.T_fixed_ct = T_fixed_ct_from(message);
   } catch (const InputError& error) {
     ROS_ERROR("%s", error.what());
   }
+  return placement;
+}
+
+void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
   {
     const std::lock_guard lock(mutex_);
-    placement_ = std::move(placement);
+    placement_ = placement_of(*message);
+  }
+  show_ct();
+}
+
+void UsCloud::take_proposed(const msg::AlignmentConstPtr& message) {
+  {
+    const std::lock_guard lock(mutex_);
+    proposed_ = placement_of(*message);
   }
   show_ct();
 }
@@ -148,7 +175,19 @@ void UsCloud::take_result(const msg::RegistrationResultConstPtr& message) {
 void UsCloud::show_ct() {
   const std::lock_guard lock(mutex_);
   show_aligned();
+  show_proposed();
   show_refused();
+}
+
+void UsCloud::show_proposed() {
+  visualization_msgs::MarkerArray markers = placed({}, "", std::nullopt, 0.0);
+  const bool is_of_another_ct = ct_ && proposed_ && proposed_->ct_crc32 != ct_crc32_;
+  if (surface_ && proposed_ && proposed_->T_fixed_ct && !is_of_another_ct) {
+    ProposedAlignment shown{proposed_->fixed_frame, *proposed_->T_fixed_ct, proposed_->message, {}};
+    if (shown_ && shown_->header.frame_id == shown.frame) shown.text_mm = shown_->above_mm;
+    markers = proposed_markers(*surface_, shown, surface_alpha_);
+  }
+  proposed_publisher_.publish(markers);
 }
 
 void UsCloud::show_aligned() {
@@ -182,6 +221,21 @@ void UsCloud::show_refused() try {
   refused_surface_publisher_.publish(markers);
 } catch (const InputError& error) {
   ROS_ERROR("%s", error.what());
+}
+
+void UsCloud::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const std::lock_guard lock(mutex_);
+  diagnosis.summary(DiagnosticStatus::OK,
+                    shown_ ? "ultrasound is shown" : "waiting for ultrasound");
+  if (!problem_.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem_);
+  if (shown_)
+    diagnosis.add("age of the ultrasound [s]",
+                  seconds_between(shown_->header.stamp, ::ros::Time::now()));
+  diagnosis.add("CT", ct_ ? "received" : "none");
+  diagnosis.add("surfaces", surface_ ? "received" : "none");
+  diagnosis.add("alignment", placement_ ? placement_->message : "none");
+  diagnosis.add("proposed", proposed_ ? proposed_->message : "none");
 }
 
 }  // namespace usct::ros_interface

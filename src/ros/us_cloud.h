@@ -1,5 +1,6 @@
 #pragma once
 
+#include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/buffer.h>
@@ -27,8 +28,9 @@ namespace usct::ros_interface {
 /// the same fans, and the CT's surfaces (rviz drops those that arrive before tf has the CT). All
 /// are in the fixed frame, where they stay when the probe moves away. If a registration of this
 /// ultrasound was refused, the node shows its best candidate as well, in red and beside the reason,
-/// on topics of its own and never in tf. The node gives tf two frames that mark the ultrasound and
-/// the middle of its field. docs/nodes/us_cloud.md.
+/// on topics of its own and never in tf; likewise, in amber, an alignment that waits for a person.
+/// The node gives tf two frames that mark the ultrasound and the middle of its field.
+/// docs/nodes/us_cloud.md.
 class UsCloud {
  public:
   UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
@@ -43,16 +45,19 @@ class UsCloud {
     Eigen::Vector3d above_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
   };
-  /// The last published pose of the CT.
+  /// The last published pose of the CT, or the one that waits for a decision.
   struct Placement {
     std::string fixed_frame;
+    std::string message;
     std::optional<Eigen::Isometry3d> T_fixed_ct;
     std::uint32_t ct_crc32 = 0;
   };
 
   void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
+  static Placement placement_of(const us_ct_registration::Alignment& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
+  void take_proposed(const us_ct_registration::AlignmentConstPtr& message);
   void take_surface(const visualization_msgs::MarkerArrayConstPtr& message);
   void take_result(const us_ct_registration::RegistrationResultConstPtr& message);
   /// The pose of the ultrasound in the fixed frame, mm, at the stamp of `header`, whose frame
@@ -65,11 +70,14 @@ class UsCloud {
   /// Publishes what is known of the CT: where the alignment has it, and where a refused
   /// registration had its best candidate.
   void show_ct();
+  /// Publishes the surfaces where an alignment has them that waits for a decision, if any.
+  void show_proposed();
   /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
   void show_aligned();
   /// Publishes the best candidate of a refused registration, if it is of the CT and the ultrasound
   /// that are shown; otherwise removes what was shown of another one.
   void show_refused();
+  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
   std::string fixed_frame_;
   std::string acquired_frame_;
@@ -78,14 +86,16 @@ class UsCloud {
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
   ::ros::Duration tf_timeout_;
-  std::mutex mutex_;            // guards the members below, up to refused_
+  std::mutex mutex_;            // guards the members below, up to problem_
   std::optional<Shown> shown_;  // empty until the first ultrasound arrives
   std::shared_ptr<const CtVolume> ct_;
   std::uint32_t ct_crc32_ = 0;
   visualization_msgs::MarkerArrayConstPtr surface_;
   std::optional<Placement> placement_;  // empty until the first alignment arrives
+  std::optional<Placement> proposed_;   // the same for those that wait
   /// The last result, if it was refused and has a candidate.
   us_ct_registration::RegistrationResultConstPtr refused_;
+  std::string problem_;  // of the last ultrasound; empty if it is shown
   ::ros::NodeHandle node_;
   tf2_ros::Buffer tf_;
   TfInput tf_input_;
@@ -94,13 +104,17 @@ class UsCloud {
   ::ros::Publisher volume_publisher_;
   ::ros::Publisher ct_publisher_;
   ::ros::Publisher surface_publisher_;
+  ::ros::Publisher proposed_publisher_;
   ::ros::Publisher refused_ct_publisher_;
   ::ros::Publisher refused_surface_publisher_;
   ::ros::Subscriber us_subscriber_;
   ::ros::Subscriber ct_subscriber_;
   ::ros::Subscriber surface_subscriber_;
   ::ros::Subscriber alignment_subscriber_;
+  ::ros::Subscriber proposed_subscriber_;
   ::ros::Subscriber result_subscriber_;
+  diagnostic_updater::Updater diagnostics_;
+  ::ros::WallTimer diagnostics_timer_;
 };
 
 }  // namespace usct::ros_interface

@@ -11,6 +11,7 @@ import tempfile
 import time
 import unittest
 
+import live_video
 import numpy
 import real_sweeps
 import rosbag
@@ -49,17 +50,6 @@ def write_transform(path, T_ct_us):
     return path
 
 
-def T_fixed_us(pose):
-    """The transform of an entry of POSES: rotations about z, then x, then y, as of ITK's Euler angles."""
-    x, y, z, *translation = map(float, pose.split())
-    (cx, sx), (cy, sy), (cz, sz) = [(numpy.cos(angle), numpy.sin(angle)) for angle in (x, y, z)]
-    T = numpy.eye(4)
-    T[:3, :3] = numpy.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ \
-        numpy.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]) @ numpy.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    T[:3, 3] = translation
-    return T
-
-
 class Sweep(Recording):
     """Pictures of a real sweep, as lines of samples in bags, and where its probe may have been held on the CT."""
 
@@ -80,6 +70,36 @@ class Sweep(Recording):
     def stamps_s(self):
         times_s = self.pictures.times_s or [i / 40 for i in range(len(self.pictures.pixels))]
         return [self.start_s + time_s - times_s[0] for time_s in times_s]
+
+
+class Video(Sweep):
+    """The same as live video, and the probe's poses in tf: bags of what a frame grabber and a tracker send. With
+    T_probe_pixel tf has the tracked probe, else its array."""
+
+    def __init__(self, folder, file, pictures, held_at, *options, T_probe_pixel=None):
+        super().__init__(folder, file, pictures, held_at, *options)
+        self.file, self.options = file, [*pictures.probe.options(folder / "probe.yaml"), *options]
+        self.T_us_probe = pictures.T_us_frame() if T_probe_pixel is None else \
+            pictures.T_us_pixel @ numpy.linalg.inv(T_probe_pixel)
+
+    def next_bag(self, pose, pause_s=60):
+        self.start_s += 1000
+        bag = self.folder / f"{self.start_s}.bag"
+        live_video.write(bag, self.pictures.pixels, self.stamps_s(), self.T_us_probe,
+                         live_video.matrix_of_euler(POSES[pose]), pause_s)
+        return bag
+
+    def described(self, **parameters):
+        self.pictures.probe.file = self.folder / "probe.yaml"
+        # These sweeps are compared image by image with what is recorded of them.
+        return live_video.describe(self.folder / "images.yaml", self.pictures.probe, self.pictures.pixels[0],
+                                   correct_lag=False, repeat_tolerance=0.0, **parameters)
+
+    def converted(self):
+        """Lines of samples as `usct convert` makes them of the file, frames x lines x samples."""
+        path = self.folder / "converted.nrrd"
+        run([usct(), "convert", str(self.file), str(path), *map(str, self.options), "--quiet"], None)
+        return live_video.Sweep(path)
 
 
 def positions_mm(poses):
@@ -210,7 +230,7 @@ class TestRealData(unittest.TestCase):
             grid = grid[:, :, ::step]
             others = numpy.delete(grid[:, line], frame, axis=0)
             return numpy.concatenate([grid[frame].reshape(-1, *grid.shape[3:]), others.reshape(-1, *grid.shape[3:])])
-        T = T_fixed_us(POSES[pose])
+        T = live_video.matrix_of_euler(POSES[pose])
         points_mm, intensities = points_of(cloud)
         expected_mm = crossed(sweep.pictures.points_us_mm()) @ T[:3, :3].T + T[:3, 3]
         self.assertEqual(points_mm.shape, expected_mm.shape)
@@ -222,7 +242,7 @@ class TestRealData(unittest.TestCase):
     def expect_volume_cloud(self, cloud, sweep, pose):
         """The whole sweep at its poses by the robot, averaged to 2 mm."""
         self.assertEqual(cloud.header.frame_id, "patient")
-        T = T_fixed_us(POSES[pose])
+        T = live_video.matrix_of_euler(POSES[pose])
         points_mm, intensities = points_of(cloud)
         recorded_mm = sweep.pictures.points_us_mm().reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
         samples = sweep.pictures.samples()
@@ -249,10 +269,10 @@ class TestRealData(unittest.TestCase):
             self.assertFalse(any(number for part in transform.values() for number in part.values()), transform)
         print(self.system.client("no_ct_in_tf"))
 
-    def expect_seen_and_refused(self, name, sweep):
+    def expect_seen_and_refused(self, name, sweep, *arguments):
         override = self.folder / "override.yaml"
         override.write_text("us_ingest: {pose_frame: us}\n")
-        self.start(sweep, "run_us_cloud:=true", f"override:={override}")
+        self.start(sweep, "run_us_cloud:=true", f"override:={override}", *arguments)
         self.system.play(0)
         volume, cloud, volume_cloud = wait_for(lambda: self.seen(sweep.stamps_s()[-1]), "the volume and its clouds")
         print(f"{name}: {volume.frames} frames of {volume.lines} lines of {volume.samples} samples, "
@@ -265,6 +285,15 @@ class TestRealData(unittest.TestCase):
         run([usct(), "bag", "read", str(self.folder / "seen.bag"), "--us", str(assembled)], None)
         self.draw(name, assembled, sweep.start, "--pixel", 4 * sweep.pictures.probe.pixel_mm[0] / 3,
                   "--slice-thickness", "2", "--hole-fill", "2")
+        return volume
+
+    def expect_as_converted(self, volume, sweep):
+        """A sweep that was assembled live has the brightness that the tool reads from the file, bit by bit."""
+        converted = sweep.converted()
+        data = numpy.frombuffer(volume.data, numpy.uint8).reshape(volume.frames, volume.lines, volume.samples)
+        self.assertTrue((data == converted.samples).all())
+        numpy.testing.assert_allclose(positions_mm(volume.frame_poses), converted.T_us_frame[:, :3, 3], rtol=0,
+                                      atol=0.05)
 
     def test_liver_sweep_is_assembled_shown_and_refused_with_the_ct_of_a_stranger(self):
         require(LIVER)
@@ -282,6 +311,28 @@ class TestRealData(unittest.TestCase):
         real_sweeps.write_calibration(calibration)
         self.expect_seen_and_refused("spine", Sweep(self.folder, SPINE, real_sweeps.spine(SPINE), HELD_AT_SPINE,
                                                     "--calibration", calibration, "--poses", "tf"))
+
+    def test_spine_sweep_as_live_video_is_what_the_tool_makes_of_the_file(self):
+        require(SPINE)
+        calibration = self.folder / "calibration.xml"
+        real_sweeps.write_calibration(calibration)
+        video = Video(self.folder, SPINE, real_sweeps.spine(SPINE), HELD_AT_SPINE, "--calibration", calibration,
+                      T_probe_pixel=real_sweeps.spine_calibration())
+        volume = self.expect_seen_and_refused("spine_video", video,
+                                              video.described(calibration=str(calibration), to="Probe"))
+        self.expect_as_converted(volume, video)
+
+    def test_liver_sweep_as_live_video_is_what_the_tool_makes_of_the_file(self):
+        require(LIVER)
+        try:
+            pictures = real_sweeps.liver(LIVER)
+        except OSError as error:
+            self.skipTest(f"the video cannot be read here: {error}")
+        file = self.folder / "liver.igs.mha"
+        real_sweeps.write_sequence(file, pictures)
+        video = Video(self.folder, file, pictures, HELD_AT_LIVER)
+        volume = self.expect_seen_and_refused("liver_video", video, video.described())
+        self.expect_as_converted(volume, video)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import sys
 import tempfile
 import unittest
 
+import live_video
 import numpy
 import rosbag
 import rosunit
@@ -33,6 +34,10 @@ NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")
 POSES = ("-1.4 0.1 0.3 420 -130 250", "-1.38 0.12 0.28 424 -127 247")
 # A kidney phantom in agar, small enough for tests.
 AGAR = ("--scene", "agar", "--seed", "3", "--size", "120", "64", "41")
+# The same by a tracked probe, as captured video has it: every seventh image is the one before.
+LAG_S = 0.2
+TRACKED = ("--scene", "agar", "--seed", "3", "--sweep", "tracked-curvilinear", "--size", "120", "64", "80",
+           "--frame-rate", "20", "--lag", str(LAG_S), "--duplicates", "0.15")
 
 wait_for = functools.partial(node_under_test.wait_for, limit_s=LIMIT_S)
 
@@ -99,6 +104,28 @@ class Acquisition(Recording):
                        flags=re.M)
         (self.case / "start.tfm").write_text(start)
         self.initial = initial_of(self.case / "start.tfm")
+
+
+class LivePhantom(Acquisition):
+    """A phantom as live video: bags of its pictures, scan-converted, and of the poses of its probe."""
+
+    def __init__(self, folder):
+        folder.mkdir()
+        super().__init__(folder, TRACKED)
+        self.sweep = live_video.Sweep(self.case / "us.nrrd")
+        self.probe = live_video.PicturedProbe(self.sweep, folder / "probe.yaml")
+        self.pictures = [self.probe.picture(frame) for frame in self.sweep.samples]
+        self.truth = numpy.array(json.loads(initial_of(self.case / "truth.tfm").read_text())["T_us_ct"])
+
+    def described(self):
+        return live_video.describe(self.folder / "images.yaml", self.probe, self.pictures[0], image_lag=LAG_S)
+
+    def next_bag(self, pose, pause_s=60):
+        self.start_s += 1000
+        bag = self.folder / f"{self.start_s}.bag"
+        live_video.write(bag, self.pictures, [self.start_s + time_s for time_s in self.sweep.times_s],
+                         self.sweep.T_us_frame, live_video.matrix_of_euler(POSES[pose]), pause_s, self.truth)
+        return bag
 
 
 def initial_of(transform):
@@ -217,6 +244,14 @@ class TestReplay(unittest.TestCase):
             self.acquire_and_register(pose)
             self.system.client("moved_away", 99)
             self.ct_in_tf()
+
+    def test_live_images_of_a_tracked_probe(self):
+        self.acquisition = LivePhantom(self.folder / "live")
+        self.system = System(self.folder, self.acquisition)
+        self.system.start_master()
+        self.system.start_nodes(self.acquisition.described())
+        self.system.client("ready")
+        self.acquire_and_register(0)
 
     def test_nodelets_in_one_process(self):
         self.system.start_master()

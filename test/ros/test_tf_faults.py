@@ -223,10 +223,12 @@ class TfFaults(TfPublisherCase):
     def test_the_launch_file_names_the_frames(self):
         dumped = subprocess.run(["roslaunch", "--dump-params", PACKAGE, "registration.launch", "ct_frame:=a_ct",
                                  "us_frame:=a_us", "acquired_frame:=a_acquired", "field_frame:=a_field",
-                                 "run_us_cloud:=true"], capture_output=True, text=True, check=True)
+                                 "proposed_frame:=a_proposed", "run_us_cloud:=true"], capture_output=True, text=True,
+                                check=True)
         parameters = yaml.safe_load(dumped.stdout)
         for name, value in (("/ct_server/ct_frame", "a_ct"), ("/us_ingest/frame_id", "a_us"),
-                            ("/us_cloud/acquired_frame", "a_acquired"), ("/us_cloud/field_frame", "a_field")):
+                            ("/us_cloud/acquired_frame", "a_acquired"), ("/us_cloud/field_frame", "a_field"),
+                            ("/tf_publisher/proposed_frame", "a_proposed")):
             self.assertEqual(parameters[name], value, name)
 
     def test_stamps_on_simulated_time(self):

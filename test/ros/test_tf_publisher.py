@@ -24,6 +24,7 @@ class TfPublisher(TfPublisherCase):
         self.result(1, 0.25)
         message = self.wait_waiting(1)
         self.assertEqual(message.state, Alignment.NONE)
+        self.wait_proposed(1, 0.25)
         self.assertIsNone(self.tf_at(rospy.Time(0)))
 
         answer = self.decide("accept", 7)
@@ -38,6 +39,7 @@ class TfPublisher(TfPublisherCase):
         self.assertEqual(message.header.stamp, rospy.Time(1001))
         self.assertEqual((message.waiting_id, message.ct_crc32), (0, CT_CRC32))
         self.wait_tf(0.25)
+        self.wait_nothing_proposed()
         self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
 
     def test_confirm(self):
@@ -62,6 +64,13 @@ class TfPublisher(TfPublisherCase):
         self.result(7, 9.0)
         message = self.wait_waiting(7)
         self.assertEqual(message.result_id, self.id_of(1))
+        self.wait_proposed(7, 9.0)
+        # One that is newer takes its place, as one step, and the CT stays where it is.
+        self.result(8, 8.0)
+        self.wait_proposed(8, 8.0)
+        self.result(7, 9.0)
+        self.wait_proposed(7, 9.0)
+        self.wait_tf(0.25)
 
         answer = self.decide("reject", 6)
         self.assertEqual(answer.code, StatusCode.INVALID_REQUEST)
@@ -70,6 +79,30 @@ class TfPublisher(TfPublisherCase):
         self.assertEqual(self.decide("reject", 7).code, StatusCode.OK)
         self.assertEqual(self.decide("reject").code, StatusCode.NOTHING_TO_DECIDE)
         self.alignment.wait(lambda m: m.waiting_id == 0 and m.result_id == self.id_of(1), "none to wait")
+        self.wait_nothing_proposed()
+        self.wait_tf(0.25)
+
+    def test_results_from_the_future_are_refused(self):
+        self.start_publisher(policy="auto")
+        now = rospy.Time.now()
+        for number, field in enumerate(("header.stamp", "us_stamp"), 1):
+            for stamp in (now + rospy.Duration(3600), rospy.Time(4294967200)):
+                message = self.registered(number, 9.0)
+                if field == "us_stamp":
+                    message.us_stamp = stamp
+                else:
+                    message.header.stamp = stamp
+                self.results.publish(message)
+                self.diagnosis(lambda s: any(v.key == "last refusal" and f"result {self.id_of(number)}" in v.value and
+                                             f"'{field}'" in v.value and "ahead of this node's clock" in v.value
+                                             for v in s.values), f"the refusal of {field}")
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+        self.assertIsNone(self.tf_at(rospy.Time(0)))
+        # Clocks of two machines may differ by some seconds.
+        message = self.registered(3, 0.25)
+        message.header.stamp = message.us_stamp = rospy.Time.now() + rospy.Duration(10)
+        self.results.publish(message)
+        self.wait_state(Alignment.ACCEPTED, 3)
         self.wait_tf(0.25)
 
     def test_auto_and_revert(self):
@@ -236,6 +269,7 @@ class TfPublisher(TfPublisherCase):
     def test_simulated_time(self):
         self.listener.unregister()  # it would complain about the old times
         rospy.set_param("/use_sim_time", True)
+        self.first_stamp_s = 10
         clock = rospy.Publisher("/clock", Clock, queue_size=10)
         process = self.start_publisher(policy="auto")
         transforms = Newest("/tf", tf2_msgs.msg.TFMessage)

@@ -60,11 +60,15 @@ class Stamps:
 
 
 class TfPublisherCase(unittest.TestCase):
+    # Stamp of the ultrasound of result 0; each later one is a second later.
+    first_stamp_s = 1000
+
     def setUp(self):
         self.namespace = "/" + self.id().split(".")[-1]
         # All namespaces share one tf, so that each test has frames of its own.
         self.fixed = self.namespace[1:] + "_base"
         self.ct = self.namespace[1:] + "_ct"
+        self.proposed = self.namespace[1:] + "_proposed"
         self.folder = tempfile.TemporaryDirectory()
         self.file = os.path.join(self.folder.name, "alignment.json")
         self.buffer = tf2_ros.Buffer()
@@ -74,6 +78,7 @@ class TfPublisherCase(unittest.TestCase):
         self.info = rospy.Publisher(self.namespace + "/ct/info", CtInfo, queue_size=1, latch=True)
         self.registered_ct = rospy.Publisher(self.namespace + "/registration/ct", CtInfo, queue_size=1, latch=True)
         self.alignment = Newest(self.namespace + "/registration/alignment", Alignment)
+        self.proposal = Newest(self.namespace + "/registration/proposed", Alignment)
         self.processes = []
         self.ids = {}
 
@@ -90,7 +95,8 @@ class TfPublisherCase(unittest.TestCase):
 
     def start_publisher(self, **parameters):
         self.alignment.message = None
-        process = self.start(transform_tolerance=parameters.pop("transform_tolerance", TOLERANCE_S), **parameters)
+        parameters = {"transform_tolerance": TOLERANCE_S, "proposed_frame": self.proposed, **parameters}
+        process = self.start(**parameters)
         wait_for(lambda: self.alignment.message, "tf_publisher to start")
         return process
 
@@ -103,7 +109,7 @@ class TfPublisherCase(unittest.TestCase):
 
     def registered(self, number, x):
         message = RegistrationResult()
-        message.header.stamp = rospy.Time(1000 + number)
+        message.header.stamp = rospy.Time(self.first_stamp_s + number)
         message.id = self.id_of(number)
         message.status.code = StatusCode.REGISTERED
         message.ct_frame = self.ct
@@ -136,19 +142,32 @@ class TfPublisherCase(unittest.TestCase):
     def wait_waiting(self, number):
         return self.alignment.wait(lambda m: m.waiting_id == self.id_of(number), f"result {number} to wait")
 
-    def tf_at(self, time):
+    def tf_at(self, time, frame=None):
         try:
-            return self.buffer.lookup_transform(self.fixed, self.ct, time).transform
+            return self.buffer.lookup_transform(self.fixed, frame or self.ct, time).transform
         except tf2_ros.TransformException:
             return None
 
-    def wait_tf(self, x):
+    def wait_tf(self, x, frame=None):
         def found():
-            transform = self.tf_at(rospy.Time.now())
+            transform = self.tf_at(rospy.Time.now(), frame)
             return transform and abs(transform.translation.x - x) < 1e-12
         wait_for(found, f"tf to say {x}")
-        rotation = self.tf_at(rospy.Time(0)).rotation
+        rotation = self.tf_at(rospy.Time(0), frame).rotation
         self.assertEqual((rotation.x, rotation.y, rotation.z, rotation.w), (0.0, 0.0, 0.6, 0.8))
+
+    def wait_proposed(self, number, x):
+        """The result that waits is in tf, in a frame of its own, and on its topic; the CT is not moved by it."""
+        message = self.proposal.wait(lambda m: m.state == Alignment.PROPOSED and m.result_id == self.id_of(number),
+                                     f"result {number} to be proposed")
+        self.assertEqual((message.header.frame_id, message.ct_frame, message.waiting_id, message.ct_crc32),
+                         (self.fixed, self.ct, self.id_of(number), CT_CRC32))
+        self.assertEqual(message.transform.translation.x, x)
+        self.wait_tf(x, self.proposed)
+
+    def wait_nothing_proposed(self):
+        self.proposal.wait(lambda m: m.state == Alignment.NONE, "nothing to be proposed")
+        wait_for(lambda: self.tf_at(rospy.Time.now(), self.proposed) is None, "the proposed frame to end")
 
     def diagnosis(self, condition, what):
         def matching(message):

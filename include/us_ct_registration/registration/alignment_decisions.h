@@ -106,6 +106,9 @@ struct AlignmentState {
   std::string message;
   /// Number of the result that waits for accept or reject; 0: none.
   std::uint64_t waiting_id = 0;
+  /// The alignment that would be broadcast if a person accepted what waits: a result, or else the
+  /// alignment from before the restart. Empty if nothing waits, or if it could not be accepted.
+  std::optional<Alignment> proposed;
   /// Whether the alignment is suspended; see `AlignmentDecisions::suspend`.
   bool is_suspended = false;
 };

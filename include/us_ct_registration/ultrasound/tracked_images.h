@@ -53,13 +53,17 @@ struct ImagePlacement {
   Eigen::Vector2d spacing_mm = Eigen::Vector2d::Ones();
 };
 
-/// B-mode images resampled along the true beams: a tracked pre-scan volume with one frame per
-/// image. Samples that no image pixel shows are 0.
+/// The pose of the frame coordinates in the frame, in mm, to which `T_pixel` maps (column, row, 0).
 ///
-/// A frame has a rigid pose: `T_us_pixel` and the placement's pixel size must agree within 1 % in
-/// scale and 0.01 in the cosine of the angle between columns and rows; the nearest rotation is
-/// taken. Throws InputError where they do not, if a part is invalid, or if the images show no
-/// sample at all.
+/// `T_pixel` and the placement's pixel size must agree within 1 % in scale and 0.01 in the cosine
+/// of the angle between columns and rows; the nearest rotation is taken. Throws InputError, naming
+/// `source`, where they do not.
+Eigen::Isometry3d array_pose(const Eigen::Affine3d& T_pixel, const ImagePlacement& placement,
+                             const std::string& source);
+
+/// B-mode images resampled along the true beams: a tracked pre-scan volume with one frame per
+/// image. Samples that no image pixel shows are 0. Throws InputError as `array_pose` and
+/// `ImageBeams`, or if the images are invalid.
 PreScanVolume prescan_from_images(const TrackedImages& images, const Array& array,
                                   const AxialSampling& axial, const ImagePlacement& placement);
 

@@ -225,6 +225,11 @@ AlignmentState AlignmentDecisions::state() const {
     state.message = named(*current_) + " is broadcast";
   }
   state.waiting_id = waiting_ ? waiting_->alignment.result_id : 0;
+  if (waiting_) {
+    if (violation(waiting_->alignment).empty()) state.proposed = waiting_->alignment;
+  } else if (restored_waits() && !is_other_than_held(current_->ct_crc32)) {
+    state.proposed = current_;
+  }
   state.is_suspended = !suspended_because_.empty();
   return state;
 }

@@ -3,9 +3,9 @@
 #include <cmath>
 
 #include "geometry/frame_times.h"
-#include "ultrasound/lattice.h"
 #include "ultrasound/planes.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/ultrasound/image_beams.h"
 
 namespace usct {
 namespace {
@@ -16,34 +16,6 @@ constexpr double kCalibrationTolerance = 0.01;
 
 std::size_t product(int a, int b) {
   return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
-}
-
-/// The rigid pose of the frame coordinates by an image's calibration and its placement.
-Eigen::Isometry3d T_us_frame_of_image(const Eigen::Affine3d& T_us_pixel,
-                                      const ImagePlacement& placement, int image) {
-  const Eigen::Vector3d x = T_us_pixel.linear().col(0) / placement.spacing_mm.x();
-  const Eigen::Vector3d y = T_us_pixel.linear().col(1) / placement.spacing_mm.y();
-  if (std::abs(x.norm() - 1.0) > kCalibrationTolerance ||
-      std::abs(y.norm() - 1.0) > kCalibrationTolerance ||
-      std::abs(x.dot(y)) > kCalibrationTolerance)
-    throw InputError("tracked images",
-                     "image " + std::to_string(image) + " has pixels of " +
-                         std::to_string(T_us_pixel.linear().col(0).norm()) + " x " +
-                         std::to_string(T_us_pixel.linear().col(1).norm()) +
-                         " mm by its pose, with a cosine of " +
-                         std::to_string(x.normalized().dot(y.normalized())) +
-                         " between them, must be the placement's " +
-                         std::to_string(std::abs(placement.spacing_mm.x())) + " x " +
-                         std::to_string(std::abs(placement.spacing_mm.y())) +
-                         " mm and orthogonal within 1 %");
-  Eigen::Matrix3d axes;
-  axes << x, y, x.cross(y).normalized();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(axes, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = svd.matrixU() * svd.matrixV().transpose();
-  const Eigen::Vector3d origin_px(placement.origin_px.x(), placement.origin_px.y(), 0.0);
-  T.translation() = T_us_pixel * origin_px;
-  return T;
 }
 
 }  // namespace
@@ -101,36 +73,46 @@ Grid image_grid(const TrackedImages& images, double spacing_mm) {
   return grid_around_box(box.min(), box.max(), spacing_mm);
 }
 
+Eigen::Isometry3d array_pose(const Eigen::Affine3d& T_pixel, const ImagePlacement& placement,
+                             const std::string& source) {
+  const Eigen::Vector3d x = T_pixel.linear().col(0) / placement.spacing_mm.x();
+  const Eigen::Vector3d y = T_pixel.linear().col(1) / placement.spacing_mm.y();
+  if (!(std::abs(x.norm() - 1.0) <= kCalibrationTolerance &&
+        std::abs(y.norm() - 1.0) <= kCalibrationTolerance &&
+        std::abs(x.dot(y)) <= kCalibrationTolerance))
+    throw InputError(source, "has pixels of " + std::to_string(T_pixel.linear().col(0).norm()) +
+                                 " x " + std::to_string(T_pixel.linear().col(1).norm()) +
+                                 " mm by its pose, with a cosine of " +
+                                 std::to_string(x.normalized().dot(y.normalized())) +
+                                 " between them, must be the placement's " +
+                                 std::to_string(std::abs(placement.spacing_mm.x())) + " x " +
+                                 std::to_string(std::abs(placement.spacing_mm.y())) +
+                                 " mm and orthogonal within 1 %");
+  Eigen::Matrix3d axes;
+  axes << x, y, x.cross(y).normalized();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(axes, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = svd.matrixU() * svd.matrixV().transpose();
+  T.translation() =
+      T_pixel * Eigen::Vector3d(placement.origin_px.x(), placement.origin_px.y(), 0.0);
+  return T;
+}
+
 PreScanVolume prescan_from_images(const TrackedImages& images, const Array& array,
                                   const AxialSampling& axial, const ImagePlacement& placement) {
   images.validate("tracked images");
-  if (!placement.origin_px.allFinite() || !placement.spacing_mm.allFinite() ||
-      (placement.spacing_mm.array() == 0.0).any())
-    throw InputError("image placement", "origin and pixel size must be finite, pixel size not 0");
+  const ImageBeams beams(images.width, images.height, images.shown, array, axial, placement);
   TrackedSweep sweep;
   for (int image = 0; image < images.count(); ++image)
-    sweep.T_us_frame.push_back(
-        T_us_frame_of_image(images.T_us_pixel[static_cast<std::size_t>(image)], placement, image));
+    sweep.T_us_frame.push_back(array_pose(images.T_us_pixel[static_cast<std::size_t>(image)],
+                                          placement,
+                                          "tracked images: image " + std::to_string(image)));
   PreScanVolume prescan{{axial, array, sweep}, {}, {}};
-  prescan.geometry.validate("tracked images");
-  prescan.voxels.resize(product(prescan.geometry.samples(), prescan.geometry.lines()) *
-                        static_cast<std::size_t>(images.count()));
-  const ImagePlanes planes(images);
-  bool any = false;
-  for (int line = 0; line < prescan.geometry.lines(); ++line) {
-    const Line l = line_in_frame(array, line);
-    for (int sample = 0; sample < axial.samples; ++sample) {
-      const Eigen::Vector3d p = l.origin_mm + axial.depth_mm(sample) * l.direction;
-      const Eigen::Vector2d pixel =
-          placement.origin_px + p.head<2>().cwiseQuotient(placement.spacing_mm);
-      for (int image = 0; image < images.count(); ++image)
-        if (const std::optional<float> value = planes.at(image, pixel.x(), pixel.y())) {
-          prescan.voxels[prescan.offset(sample, line, image)] = grey(*value);
-          any = true;
-        }
-    }
-  }
-  if (!any) throw InputError("image placement", "leaves every sample outside what the images show");
+  prescan.voxels.resize(beams.size() * sweep.T_us_frame.size());
+  const std::size_t pixels = product(images.width, images.height);
+  for (std::size_t image = 0; image < sweep.T_us_frame.size(); ++image)
+    beams.resample(images.pixels.data() + image * pixels,
+                   prescan.voxels.data() + image * beams.size());
   return prescan;
 }
 

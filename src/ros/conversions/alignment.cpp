@@ -60,6 +60,15 @@ std_msgs::Header header_of(const Alignment& alignment) {
   return header;
 }
 
+void set_alignment(const Alignment& alignment, msg::Alignment& message) {
+  message.header = header_of(alignment);
+  message.ct_frame = alignment.ct_frame;
+  message.transform = to_message(alignment.T_fixed_ct);
+  message.result_id = alignment.result_id;
+  message.ct_crc32 = alignment.ct_crc32;
+  message.expected_error = alignment.expected_error_m;
+}
+
 std::uint8_t status_code(DecisionAnswer::Code code) {
   switch (code) {
     case DecisionAnswer::Code::kDone:
@@ -99,17 +108,30 @@ msg::Alignment to_message(const AlignmentState& state) {
   msg::Alignment message;
   message.message = state.message;
   message.waiting_id = state.waiting_id;
-  message.expected_error = std::numeric_limits<double>::quiet_NaN();
-  if (!state.broadcast) return message;
-  const Alignment& alignment = *state.broadcast;
-  message.header = header_of(alignment);
-  message.state = alignment.restored ? msg::Alignment::RESTORED : msg::Alignment::ACCEPTED;
-  message.ct_frame = alignment.ct_frame;
-  message.transform = to_message(alignment.T_fixed_ct);
-  message.result_id = alignment.result_id;
-  message.ct_crc32 = alignment.ct_crc32;
-  message.accepted = time_from(alignment.accepted_ns);
-  message.expected_error = alignment.expected_error_m;
+  if (!state.broadcast) {
+    message.expected_error = std::numeric_limits<double>::quiet_NaN();
+    return message;
+  }
+  set_alignment(*state.broadcast, message);
+  message.state = state.broadcast->restored ? msg::Alignment::RESTORED : msg::Alignment::ACCEPTED;
+  message.accepted = time_from(state.broadcast->accepted_ns);
+  return message;
+}
+
+msg::Alignment to_proposed_message(const AlignmentState& state) {
+  msg::Alignment message;
+  message.waiting_id = state.waiting_id;
+  if (!state.proposed) {
+    message.expected_error = std::numeric_limits<double>::quiet_NaN();
+    message.message = "nothing waits for accept";
+    return message;
+  }
+  set_alignment(*state.proposed, message);
+  message.state = msg::Alignment::PROPOSED;
+  message.message =
+      (state.proposed->restored ? std::string("the alignment from before the restart")
+                                : "result " + std::to_string(state.proposed->result_id)) +
+      " waits for accept or reject";
   return message;
 }
 

@@ -21,6 +21,10 @@ OfferedResult from_message(const us_ct_registration::RegistrationResult& message
 /// The field `policy` is the caller's.
 us_ct_registration::Alignment to_message(const AlignmentState& state);
 
+/// What waits for a person's decision; the state NONE if nothing does. The field `policy` is the
+/// caller's.
+us_ct_registration::Alignment to_proposed_message(const AlignmentState& state);
+
 /// The alignment as messages that other packages know, with the stamp of the ultrasound.
 geometry_msgs::TransformStamped to_transform_message(const Alignment& alignment);
 /// Empty if the covariance is not known: all zeros would mean that the pose is exact.

@@ -14,6 +14,8 @@ using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
 
 constexpr auto kFloat = PointField::FLOAT32;
+constexpr double kTitleM = 0.010;  // height of letters
+constexpr double kReasonM = 0.005;
 
 Marker deletes_all() {
   Marker marker;
@@ -45,27 +47,50 @@ Marker to_marker(int label, const Surface& surface, const std::string& name,
   return marker;
 }
 
-constexpr const char* kRefused = "REFUSED";
+/// How a pose of the CT is drawn that is no accepted alignment: the namespace and the colour of its
+/// markers.
+struct Mark {
+  const char* name;
+  float red;
+  float green;
+  float blue;
+};
+constexpr Mark kRefused{"REFUSED", 1.0F, 0.1F, 0.1F};
+constexpr Mark kProposed{"PROPOSED", 1.0F, 0.75F, 0.1F};
 
-void colour_as_refused(Marker& marker, double alpha) {
-  marker.color.r = 1.0F;
-  marker.color.g = marker.color.b = 0.1F;
+void colour_as(const Mark& mark, double alpha, Marker& marker) {
+  marker.ns = mark.name;
+  marker.color.r = mark.red;
+  marker.color.g = mark.green;
+  marker.color.b = mark.blue;
   marker.color.a = static_cast<float>(alpha);
 }
 
+/// A marker that deletes those before, and the surfaces of the CT.
+MarkerArray marked_surfaces(const MarkerArray& surfaces_ct, const std::string& frame,
+                            const Eigen::Isometry3d& T_frame_ct, const Mark& mark, double alpha) {
+  MarkerArray result;
+  result.markers.push_back(deletes_all());
+  for (Marker marker : placed(surfaces_ct, frame, T_frame_ct, alpha).markers) {
+    if (marker.action != Marker::ADD) continue;
+    colour_as(mark, alpha, marker);
+    result.markers.push_back(marker);
+  }
+  return result;
+}
+
 /// `id` must be negative, since the ids of surfaces are labels.
-Marker refused_text(int id, const std::string& text, double letter_m, const std::string& frame,
-                    const Eigen::Vector3d& at_mm) {
+Marker marked_text(int id, const std::string& text, double letter_m, const std::string& frame,
+                   const Eigen::Vector3d& at_mm, const Mark& mark) {
   Marker marker;
   marker.header.frame_id = frame;
-  marker.ns = kRefused;
   marker.id = id;
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   marker.pose.orientation.w = 1.0;
   marker.pose.position = to_message(at_mm);
   marker.scale.z = letter_m;
-  colour_as_refused(marker, 1.0);
+  colour_as(mark, 1.0, marker);
   marker.text = text;
   return marker;
 }
@@ -156,20 +181,22 @@ MarkerArray placed(const MarkerArray& surfaces_ct, const std::string& frame,
 
 MarkerArray refused_markers(const MarkerArray& surfaces_ct, const RefusedCandidate& refused,
                             double alpha) {
-  constexpr double kTitleM = 0.010;
-  constexpr double kReasonM = 0.005;
-  MarkerArray result;
-  result.markers.push_back(deletes_all());
-  for (Marker marker : placed(surfaces_ct, refused.frame, refused.T_frame_ct, alpha).markers) {
-    if (marker.action != Marker::ADD) continue;
-    marker.ns = kRefused;
-    colour_as_refused(marker, alpha);
-    result.markers.push_back(marker);
-  }
-  result.markers.push_back(
-      refused_text(-1, "REFUSED: not a registration", kTitleM, refused.frame, refused.title_mm));
-  result.markers.push_back(
-      refused_text(-2, in_lines(refused.reason), kReasonM, refused.frame, refused.reason_mm));
+  MarkerArray result =
+      marked_surfaces(surfaces_ct, refused.frame, refused.T_frame_ct, kRefused, alpha);
+  result.markers.push_back(marked_text(-1, "REFUSED: not a registration", kTitleM, refused.frame,
+                                       refused.title_mm, kRefused));
+  result.markers.push_back(marked_text(-2, in_lines(refused.reason), kReasonM, refused.frame,
+                                       refused.reason_mm, kRefused));
+  return result;
+}
+
+MarkerArray proposed_markers(const MarkerArray& surfaces_ct, const ProposedAlignment& proposed,
+                             double alpha) {
+  MarkerArray result =
+      marked_surfaces(surfaces_ct, proposed.frame, proposed.T_frame_ct, kProposed, alpha);
+  if (proposed.text_mm)
+    result.markers.push_back(marked_text(-1, "PROPOSED: " + in_lines(proposed.text), kReasonM,
+                                         proposed.frame, *proposed.text_mm, kProposed));
   return result;
 }
 

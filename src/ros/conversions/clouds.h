@@ -52,4 +52,18 @@ struct RefusedCandidate {
 visualization_msgs::MarkerArray refused_markers(const visualization_msgs::MarkerArray& surfaces_ct,
                                                 const RefusedCandidate& refused, double alpha);
 
+/// An alignment that waits for a person, and where a text about it is shown, in `frame`.
+struct ProposedAlignment {
+  std::string frame;
+  Eigen::Isometry3d T_frame_ct;
+  std::string text;
+  /// Empty: no text is shown.
+  std::optional<Eigen::Vector3d> text_mm;
+};
+
+/// The same for an alignment that is not accepted yet: the surfaces and the text are amber, and the
+/// namespace of all is "PROPOSED".
+visualization_msgs::MarkerArray proposed_markers(const visualization_msgs::MarkerArray& surfaces_ct,
+                                                 const ProposedAlignment& proposed, double alpha);
+
 }  // namespace usct::ros_interface

@@ -60,7 +60,7 @@ std::shared_ptr<ReceivedFrame> from_message(const msg::PreScanFrame::ConstPtr& m
   return frame;
 }
 
-msg::PreScanVolumePtr to_message(const AssembledSweep& sweep) {
+msg::PreScanVolumePtr volume_message(const AssembledSweep& sweep) {
   std_msgs::Header header;
   header.frame_id = sweep.us_frame_id;
   header.stamp = time_from(sweep.stamps_ns.back());
@@ -68,6 +68,11 @@ msg::PreScanVolumePtr to_message(const AssembledSweep& sweep) {
   volume->frame_stamps.clear();
   for (const std::int64_t stamp_ns : sweep.stamps_ns)
     volume->frame_stamps.push_back(time_from(stamp_ns));
+  return volume;
+}
+
+msg::PreScanVolumePtr to_message(const AssembledSweep& sweep) {
+  const msg::PreScanVolumePtr volume = volume_message(sweep);
   const auto received = [&](std::size_t i) -> const ReceivedFrame& {
     return static_cast<const ReceivedFrame&>(*sweep.frames[i]);
   };

@@ -33,7 +33,11 @@ struct ReceivedFrame : StreamedFrame {
 std::shared_ptr<ReceivedFrame> from_message(
     const us_ct_registration::PreScanFrame::ConstPtr& message);
 
-/// All frames of the sweep must be ReceivedFrames.
+/// The message of any sweep.
+us_ct_registration::PreScanVolumePtr volume_message(const AssembledSweep& sweep);
+
+/// The same with the unchanged numbers of its frames' messages. All frames of the sweep must be
+/// ReceivedFrames.
 us_ct_registration::PreScanVolumePtr to_message(const AssembledSweep& sweep);
 
 }  // namespace usct::ros_interface

@@ -42,20 +42,21 @@ void read_frames(Parameters& parameters, FrameStreamOptions& frames) {
 IngestParameters read_ingest_parameters(const ::ros::NodeHandle& private_node) {
   Parameters parameters(private_node);
   IngestParameters all;
-  all.source = parameters.choice("source", "frames", {"file", "folder", "frames"});
+  all.source = parameters.choice("source", "frames", {"file", "folder", "frames", "images"});
   read_file(parameters, all.file);
   read_folder(parameters, all.folder);
   read_frames(parameters, all.frames);
+  all.images = read_image_stream(parameters, all.file, all.frames, all.source == "images");
   all.diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
-  const bool from_disk = all.source != "frames";
+  const bool from_disk = all.source == "file" || all.source == "folder";
   const bool has_path = !all.file.ultrasound.path.empty();
   if (from_disk && !has_path)
     throw InputError(private_node.resolveName("path"),
                      "is empty, must name the " + all.source + " (source is '" + all.source + "')");
   if (!from_disk && has_path)
     throw InputError(private_node.resolveName("path"),
-                     "is set, must be empty where source is 'frames'");
+                     "is set, must be empty where source is '" + all.source + "'");
   if (from_disk && all.file.frame_id.empty())
     throw InputError(private_node.resolveName("frame_id"), "is empty, must name a frame");
   return all;

@@ -4,6 +4,7 @@
 #include "ros/ingest/file_source.h"
 #include "ros/ingest/folder_source.h"
 #include "ros/ingest/frame_stream_source.h"
+#include "ros/ingest/image_source.h"
 
 namespace usct::ros_interface {
 UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
@@ -26,6 +27,8 @@ std::unique_ptr<IngestSource> UsIngest::make_source(const IngestParameters& para
   if (parameters.source == "folder")
     return std::make_unique<FolderSource>(node_, parameters.file, parameters.folder,
                                           publish_volume);
+  if (parameters.source == "images")
+    return std::make_unique<ImageSource>(node_, parameters.images, publish_volume);
   return std::make_unique<FrameStreamSource>(node_, parameters.frames, publish_volume);
 }
 

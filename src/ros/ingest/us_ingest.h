@@ -13,8 +13,9 @@
 
 namespace usct::ros_interface {
 
-/// Reads ultrasound from a file, a watched folder or streamed frames and publishes it as volumes on
-/// `us/volume` (latched). docs/nodes/us_ingest.md has topics, parameters and behaviours.
+/// Reads ultrasound from a file, a watched folder, streamed frames or live images and publishes it
+/// as volumes on `us/volume` (latched). docs/nodes/us_ingest.md has topics, parameters and
+/// behaviours.
 class UsIngest {
  public:
   /// Throws InputError for a parameter that is unknown or out of range, and for a file or folder

@@ -52,6 +52,41 @@ TEST(AlignmentDecisions, NothingCountsAtFirst) {
   EXPECT_FALSE(AlignmentDecisions(confirm()).state().broadcast);
 }
 
+TEST(AlignmentDecisions, WhatWaitsIsProposedUntilItIsDecidedOrCannotBeAccepted) {
+  AlignmentDecisions decisions(confirm());
+  EXPECT_FALSE(decisions.state().proposed);
+  decisions.offer(registered(1), kNow);
+  ASSERT_TRUE(decisions.state().proposed);
+  EXPECT_EQ(decisions.state().proposed->T_fixed_ct, registered(1).alignment.T_fixed_ct);
+  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  EXPECT_FALSE(decisions.state().proposed);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  EXPECT_TRUE(decisions.state().proposed);
+  decisions.accept(1, kNow);
+  EXPECT_FALSE(decisions.state().proposed);
+  decisions.offer(registered(2), kNow);
+  EXPECT_EQ(decisions.state().proposed->result_id, 2U);
+  decisions.reject(2);
+  EXPECT_FALSE(decisions.state().proposed);
+}
+
+TEST(AlignmentDecisions, AnAlignmentFromBeforeARestartIsProposedUntilItCounts) {
+  AlignmentDecisions::Options options = confirm();
+  options.restore_at_once = false;
+  AlignmentDecisions decisions(options);
+  decisions.restore(stored_by_another_process(), kNow);
+  ASSERT_TRUE(decisions.state().proposed);
+  EXPECT_TRUE(decisions.state().proposed->restored);
+  // A result that waits comes first, as for accept.
+  decisions.offer(registered(5), kNow);
+  EXPECT_EQ(decisions.state().proposed->result_id, 5U);
+  decisions.reject(5);
+  EXPECT_TRUE(decisions.state().proposed->restored);
+  decisions.accept(0, kNow);
+  EXPECT_FALSE(decisions.state().proposed);
+  EXPECT_TRUE(decisions.state().broadcast);
+}
+
 TEST(AlignmentDecisions, AWaitingResultIsReplacedByANewerOneAndCannotBeAcceptedByItsOldId) {
   AlignmentDecisions decisions(confirm());
   EXPECT_EQ(decisions.offer(registered(1), kNow).code, Code::kDone);

@@ -404,7 +404,7 @@ TEST(PreScanFromImages, RefusesPosesThatContradictThePixelSize) {
   EXPECT_EQ(message({{10.0, 0.0}, {1.0, 1.0}}), "accepted");
   EXPECT_EQ(message({{10.0, 0.0}, {1.005, 1.0}}), "accepted");
   EXPECT_NE(
-      message({{10.0, 0.0}, {1.02, 1.0}}).find("image 0 has pixels of 1.000000 x 1.000000 mm"),
+      message({{10.0, 0.0}, {1.02, 1.0}}).find("image 0: has pixels of 1.000000 x 1.000000 mm"),
       std::string::npos);
   EXPECT_NE(message({{1000.0, 0.0}, {1.0, 1.0}}).find("outside what the images show"),
             std::string::npos);

@@ -27,11 +27,17 @@ bool is_zero(const geometry_msgs::Transform& transform) {
          r.w == 0.0;
 }
 
+Result result_of(const Client& action) {
+  const msg::RegisterResultConstPtr result = action.getResult();
+  EXPECT_NE(result, nullptr) << "the goal ended as " << action.getState().toString();
+  return result ? result->result : Result();
+}
+
 Result goal_result(RegistrationClient& client, const msg::RegisterGoal& goal) {
   EXPECT_TRUE(client.action.waitForServer(kLimit));
   client.action.sendGoal(goal);
   EXPECT_TRUE(client.action.waitForResult(kLimit));
-  return client.action.getResult() ? client.action.getResult()->result : Result();
+  return result_of(client.action);
 }
 
 void provide_agar(RegistrationClient& client, unsigned revision) {

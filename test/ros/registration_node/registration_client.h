@@ -123,6 +123,10 @@ class RegistrationClient {
   ::ros::Subscriber results_;  // last: its callback uses the members above
 };
 
+/// The result of the goal that has ended; an empty one, and a failure, if the client has none: then
+/// it lost track of the goal, and its pointer to the result is null.
+Result result_of(const Client& action);
+
 Result goal_result(RegistrationClient& client, const msg::RegisterGoal& goal);
 
 /// Sends CT, ultrasound and an initial alignment beside the truth to a node, and waits until it has

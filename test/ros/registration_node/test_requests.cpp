@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdio>
 #include <future>
+#include <memory>
 #include <mutex>
 #include <sstream>
 
@@ -229,6 +230,9 @@ TEST(Registration, GoalsThatCannotBeAreRefused) {
 }
 
 TEST(Registration, GoalRegistersWithProgress) {
+  // These outlive the client, whose feedback may come late.
+  std::mutex mutex;
+  std::vector<msg::RegisterFeedback> feedback;
   RegistrationClient client("plain");
   provide_agar(client, 1);
   msg::RegisterGoal goal;
@@ -236,8 +240,6 @@ TEST(Registration, GoalRegistersWithProgress) {
   goal.use_initial = true;
   goal.initial.header.frame_id = "us";
   goal.initial.transform = to_message(test::nearby(agar(), -1.0));
-  std::mutex mutex;
-  std::vector<msg::RegisterFeedback> feedback;
   ASSERT_TRUE(client.action.waitForServer(kLimit));
   client.action.sendGoal(goal, {}, {}, [&](const msg::RegisterFeedbackConstPtr& one) {
     const std::lock_guard<std::mutex> lock(mutex);
@@ -245,7 +247,7 @@ TEST(Registration, GoalRegistersWithProgress) {
   });
   ASSERT_TRUE(client.action.waitForResult(kLimit));
   EXPECT_EQ(client.action.getState(), actionlib::SimpleClientGoalState::SUCCEEDED);
-  const Result result = client.action.getResult()->result;
+  const Result result = result_of(client.action);
   EXPECT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
   // The preset ends on 2 mm with half of the samples, and this case is small.
   EXPECT_LT(error_mm(result), 3.0 * kGoodMm);
@@ -263,12 +265,13 @@ void start_long_goal(RegistrationClient& client) {
   msg::RegisterGoal goal;
   goal.preset = "phantom";
   goal.options = "search: {starts: {count: 65536}, levels: {0: {optimised: 4096}}}";
-  std::atomic<bool> registering{false};
+  // Feedback goes on after this function has returned, and the callback owns what it writes to.
+  const auto registering = std::make_shared<std::atomic<bool>>(false);
   ASSERT_TRUE(client.action.waitForServer(kLimit));
-  client.action.sendGoal(goal, {}, {}, [&](const msg::RegisterFeedbackConstPtr& feedback) {
-    if (feedback->stage == "registering" && feedback->progress >= 0.2F) registering = true;
+  client.action.sendGoal(goal, {}, {}, [registering](const msg::RegisterFeedbackConstPtr& f) {
+    if (f->stage == "registering" && f->progress >= 0.2F) *registering = true;
   });
-  ASSERT_TRUE(eventually([&] { return registering.load(); }));
+  ASSERT_TRUE(eventually([&] { return registering->load(); }));
 }
 
 /// Time from the request to cancel until the result arrives.
@@ -292,14 +295,14 @@ TEST(Registration, OneAtATimeAndCancelled) {
   second.sendGoal(msg::RegisterGoal());
   ASSERT_TRUE(second.waitForResult(kLimit));
   EXPECT_EQ(second.getState(), actionlib::SimpleClientGoalState::REJECTED);
-  EXPECT_EQ(second.getResult()->result.status.code, Status::BUSY);
+  EXPECT_EQ(result_of(second).status.code, Status::BUSY);
 
   const double took_ms = cancel_ms(client);
   std::printf("cancel to result: %.1f ms\n", took_ms);
   testing::Test::RecordProperty("cancel_us", static_cast<int>(1000.0 * took_ms));
   EXPECT_EQ(client.action.getState(), actionlib::SimpleClientGoalState::PREEMPTED);
-  EXPECT_EQ(client.action.getResult()->result.status.code, Status::CANCELLED);
-  EXPECT_TRUE(is_zero(client.action.getResult()->result.transform));
+  EXPECT_EQ(result_of(client.action).status.code, Status::CANCELLED);
+  EXPECT_TRUE(is_zero(result_of(client.action).transform));
   EXPECT_EQ(client.call().status.code, Status::REGISTERED);
 }
 
@@ -309,7 +312,7 @@ TEST(Registration, NewCtWhileRunningEndsItWithoutTransform) {
   start_long_goal(client);
   client.send_ct(agar().ct, 2, ::ros::Time::now() - ::ros::Duration(5.0));
   ASSERT_TRUE(client.action.waitForResult(kLimit));
-  const Result refused = client.action.getResult()->result;
+  const Result refused = result_of(client.action);
   EXPECT_EQ(refused.status.code, Status::FAILED);
   EXPECT_THAT(refused.status.message, HasSubstr("another CT arrived while CT revision 1"));
   EXPECT_EQ(refused.ct_revision, 1U);

@@ -51,6 +51,26 @@ TEST(AlignmentMessages, NothingIsBroadcastAtFirst) {
   EXPECT_FALSE(T_fixed_ct_from(alignment));
 }
 
+TEST(AlignmentMessages, WhatWaitsIsProposedAndNotBroadcast) {
+  AlignmentDecisions decisions({"", false, true, 3600.0});
+  EXPECT_EQ(to_proposed_message(decisions.state()).state, msg::Alignment::NONE);
+  const msg::RegistrationResult result = registered();
+  decisions.offer(from_message(result), 500);
+  EXPECT_EQ(to_message(decisions.state()).state, msg::Alignment::NONE);
+  const msg::Alignment proposed = to_proposed_message(decisions.state());
+  EXPECT_EQ(proposed.state, msg::Alignment::PROPOSED);
+  EXPECT_EQ(proposed.header.frame_id, "base");
+  EXPECT_EQ(proposed.transform, result.fixed_transform);
+  EXPECT_EQ(proposed.result_id, 3u);
+  EXPECT_EQ(proposed.waiting_id, 3u);
+  EXPECT_EQ(proposed.ct_crc32, 77u);
+  EXPECT_EQ(proposed.expected_error, 0.001);
+  decisions.accept(3, 600);
+  const msg::Alignment none = to_proposed_message(decisions.state());
+  EXPECT_EQ(none.state, msg::Alignment::NONE);
+  EXPECT_TRUE(std::isnan(none.expected_error));
+}
+
 TEST(AlignmentMessages, WhatIsNoRegistrationIsNotOffered) {
   for (const std::uint8_t code :
        {Code::FAILED, Code::OK, Code::LOW_CONFIDENCE, Code::NO_OVERLAP, Code::CANCELLED}) {

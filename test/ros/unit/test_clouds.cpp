@@ -107,6 +107,28 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
   EXPECT_EQ(in_one_line, reason);
 }
 
+TEST(ProposedMarkers, AreAmberAndSayWhatWaitsWhereThereIsAPlaceForIt) {
+  const auto surfaces = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
+  ProposedAlignment proposed{"patient", T_patient_ct, "result 3 waits", Eigen::Vector3d(0, 0, 400)};
+  const auto found = proposed_markers(surfaces, proposed, 0.5);
+  ASSERT_EQ(found.markers.size(), 4u);
+  EXPECT_EQ(found.markers[0].action, Marker::DELETEALL);
+  for (std::size_t i = 1; i < 4; ++i) {
+    EXPECT_EQ(found.markers[i].ns, "PROPOSED");
+    EXPECT_EQ(found.markers[i].header.frame_id, "patient");
+    EXPECT_GT(found.markers[i].color.r, 0.9F);
+    EXPECT_GT(found.markers[i].color.g, 0.6F);
+    EXPECT_LT(found.markers[i].color.b, 0.2F);
+  }
+  EXPECT_EQ(found.markers[1].pose.position.x, 0.25);
+  EXPECT_EQ(found.markers[1].color.a, 0.5F);
+  EXPECT_EQ(found.markers[3].pose.position.z, 0.4);
+  EXPECT_EQ(found.markers[3].text, "PROPOSED: result 3 waits");
+  proposed.text_mm.reset();
+  EXPECT_EQ(proposed_markers(surfaces, proposed, 0.5).markers.size(), 3u);
+}
+
 TEST(RefusedMarkers, SayWhyWithoutSurfacesToo) {
   const auto found = refused_markers(
       {}, {"patient", Eigen::Isometry3d::Identity(), "no reason", {0, 0, 0}, {0, 0, 0}}, 0.5);

@@ -41,6 +41,16 @@ TEST(TfWatch, AnotherPublisherIsAConflictAlsoWithinTheSameProcess) {
       AllOf(HasSubstr("node 'manager'"), HasSubstr("'base' -> 'ct'"), HasSubstr("as well")));
 }
 
+TEST(TfWatch, TwoOwnFramesMayHaveTheSameStamp) {
+  TfWatch watch;
+  watch.sent(transform("base", "ct"));
+  watch.sent(transform("base", "ct_proposed", 0.1));
+  watch.heard(transform("base", "ct"), "tf_publisher", false, kNow);
+  watch.heard(transform("base", "ct_proposed", 0.1), "tf_publisher", false, kNow);
+  EXPECT_EQ(watch.conflict("base", "ct", kNow), "");
+  EXPECT_EQ(watch.conflict("base", "ct_proposed", kNow), "");
+}
+
 TEST(TfWatch, OwnTransformsAreKnownHoweverManyThereAre) {
   TfWatch watch;
   geometry_msgs::TransformStamped last;

@@ -1,0 +1,325 @@
+#include "ros/ingest/image_source.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <thread>
+#include <utility>
+
+#include "ros/conversions/frames.h"
+#include "ros/conversions/images.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
+#include "ros/status.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+using Code = msg::StatusCode;
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr std::uint32_t kImageQueue = 30;
+constexpr double kPauseCheckPeriod_s = 0.05;
+
+std::string counted(const Counts& counts) {
+  std::string text;
+  for (const auto& [reason, count] : counts)
+    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + reason;
+  return text;
+}
+
+std::string described(const LagEstimate& lag) {
+  if (!lag.determined) return "not determinable: " + lag.message;
+  return seconds_text(lag.lag_s) + " s, standard error " + seconds_text(lag.standard_error_s) +
+         " s";
+}
+
+/// The sweep in words, for the log and for the caller of the service.
+std::string described(const PlacedSweep& placed, const std::string& name) {
+  std::string text = name + ": " + std::to_string(placed.assembled.frames.size()) + " images";
+  if (!placed.dropped.empty()) text += "; left out " + counted(placed.dropped);
+  text += "; lag " + seconds_text(placed.corrected_lag_s) + " s, " + placed.lag_source;
+  if (!placed.lag.determined) text += " (by its own images " + described(placed.lag) + ")";
+  if (!placed.warning.empty()) text += "; " + placed.warning;
+  return text;
+}
+
+}  // namespace
+
+ImagePoses::ImagePoses(const ::ros::NodeHandle& node, const ImageStreamOptions& options)
+    : us_frame_(options.sweep.us_frame_id),
+      T_image_frame_(options.T_image_frame),
+      // Beyond the sweep itself: the lag, the wait, and the time until the sweep is ended.
+      buffer_(::ros::Duration(options.longest_sweep_s + options.tf_wait_s +
+                              options.sweep.longest_pause_s + 10.0)),
+      input_(buffer_, node) {}
+
+ArrayPoseThen ImagePoses::at(std::int64_t stamp_ns, const std::string& image_frame,
+                             const ::ros::WallTime& deadline) const {
+  // tf takes the time zero for the newest transform, which is not the pose of this image.
+  if (stamp_ns <= 0) return {std::nullopt, "its time is before 1970"};
+  while (true) {
+    try {
+      const geometry_msgs::TransformStamped found =
+          buffer_.lookupTransform(us_frame_, image_frame, time_from(stamp_ns));
+      return {from_message_mm(found.transform, "tf") * T_image_frame_, {}};
+    } catch (const std::exception& error) {  // from tf2, or for a time out of range
+      if (::ros::WallTime::now() >= deadline || !::ros::ok()) return {std::nullopt, error.what()};
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions& options,
+                         PublishVolume publish)
+    : options_(options),
+      beams_(options.width, options.height, options.shown, options.sweep.array, options.sweep.axial,
+             options.placement),
+      publish_(std::move(publish)),
+      poses_(node, options),
+      topic_(node.resolveName("us/image")),
+      reported_at_(::ros::WallTime::now()),
+      transport_(node) {
+  subscriber_ = transport_.subscribe(
+      "us/image", kImageQueue, &ImageSource::on_image, this,
+      image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay()));
+  ::ros::NodeHandle services(node);
+  if (options_.by_service) {
+    const auto serve = [&](const std::string& name, Status (ImageSource::*answer)()) {
+      return services.advertiseService<Sweep::Request, Sweep::Response>(
+          name, [this, answer](Sweep::Request&, Sweep::Response& response) {
+            response.status = (this->*answer)();
+            return true;
+          });
+    };
+    start_server_ = serve("us/start_sweep", &ImageSource::start_sweep);
+    end_server_ = serve("us/end_sweep", &ImageSource::end_sweep);
+  }
+  pause_timer_ = services.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
+                                          [this](const ::ros::WallTimerEvent&) { check_pause(); });
+}
+
+void ImageSource::notice_time(const ::ros::Time& now) {
+  if (now < last_arrival_ && recording_) {
+    refuse(recording_->images.name() + ": time ran back while it was recorded");
+    recording_.reset();
+  }
+  last_arrival_ = now;
+}
+
+void ImageSource::begin() { recording_ = Recording{{options_.sweep, next_number_++}, {}}; }
+
+std::optional<ImageSource::Recording> ImageSource::ended_by_pause(const ::ros::Time& now) {
+  if (options_.by_service || !recording_ ||
+      seconds_between(last_arrival_, now) <= options_.sweep.longest_pause_s)
+    return std::nullopt;
+  return std::exchange(recording_, std::nullopt);
+}
+
+void ImageSource::check_pause() {
+  // Taken before the sweep, so that no later sweep can be finished first.
+  const std::lock_guard<std::mutex> finishing(finishing_);
+  std::optional<Recording> ended;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ended = ended_by_pause(::ros::Time::now());
+  }
+  if (ended) finish(*ended);
+}
+
+void ImageSource::on_image(const sensor_msgs::ImageConstPtr& image) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++received_;
+  notice_time(::ros::Time::now());
+  try {
+    take(*image);
+    problem_.clear();
+  } catch (const InputError& error) {
+    ++dropped_["invalid"];
+    problem_ = error.what();
+    ROS_ERROR_THROTTLE(10.0, "%s", problem_.c_str());
+  }
+}
+
+void ImageSource::require_usable(const sensor_msgs::Image& image) const {
+  if (image.header.stamp.isZero())
+    throw InputError(topic_, "'header.stamp' is 0, must be the time of the acquisition");
+  require_not_ahead(image.header.stamp, ::ros::Time::now(), topic_, "header.stamp");
+  if (options_.image_frame.empty() && image.header.frame_id.empty())
+    throw InputError(topic_,
+                     "'header.frame_id' is empty, must name the frame that moves with the "
+                     "probe, or image_frame must");
+  if (image.width != static_cast<std::uint32_t>(options_.width) ||
+      image.height != static_cast<std::uint32_t>(options_.height))
+    throw InputError(topic_, "an image has " + std::to_string(image.width) + " x " +
+                                 std::to_string(image.height) + " pixels, must have " +
+                                 std::to_string(options_.width) + " x " +
+                                 std::to_string(options_.height) +
+                                 " (image_size), for which the calibration holds");
+  require_readable(image, topic_);
+}
+
+void ImageSource::take(const sensor_msgs::Image& image) {
+  require_usable(image);
+  if (recording_ || !options_.by_service) record(image);
+  last_stamp_ = image.header.stamp;
+  last_frame_ = options_.image_frame.empty() ? image.header.frame_id : options_.image_frame;
+}
+
+void ImageSource::record(const sensor_msgs::Image& image) {
+  const std::vector<std::uint8_t> pixels = brightness_from(image, topic_);
+  std::vector<std::uint8_t> brightness(beams_.size());
+  beams_.resample(pixels.data(), brightness.data());
+  if (!recording_) begin();
+  std::string& frame = recording_->image_frame;
+  const std::string& its_frame =
+      options_.image_frame.empty() ? image.header.frame_id : options_.image_frame;
+  try {
+    if (frame.empty()) frame = its_frame;
+    if (frame != its_frame)
+      throw InputError(recording_->images.name(), "the images' 'frame_id' changes from '" + frame +
+                                                      "' to '" + its_frame + "'");
+    const auto& images = recording_->images.images();
+    if (!images.empty() && seconds_between(time_from(images.front().stamp_ns), image.header.stamp) >
+                               options_.longest_sweep_s)
+      throw InputError(
+          recording_->images.name(),
+          "it is longer than " + std::to_string(options_.longest_sweep_s) + " s (longest_sweep)");
+    recording_->images.add(nanoseconds_from(image.header.stamp), std::move(brightness));
+  } catch (const InputError& error) {
+    recording_.reset();
+    refuse(error.what());
+  }
+}
+
+ImageSource::Status ImageSource::refuse(const std::string& reason) {
+  ++refused_;
+  refusal_ = reason;
+  ROS_ERROR("refused %s", reason.c_str());
+  return status(Code::FAILED, "refused " + reason);
+}
+
+ImageSource::Status ImageSource::finish(const Recording& recording) {
+  std::optional<LagEstimate> known;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    known = lag_;
+  }
+  try {
+    const ::ros::WallTime deadline =
+        ::ros::WallTime::now() + ::ros::WallDuration(options_.tf_wait_s);
+    const PlacedSweep placed = place_images(
+        recording.images,
+        [&](std::int64_t stamp_ns) { return poses_.at(stamp_ns, recording.image_frame, deadline); },
+        known);
+    const msg::PreScanVolumePtr volume = volume_message(placed.assembled);
+    const std::string text = described(placed, recording.images.name());
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      remember(placed);
+    }
+    publish_(volume);
+    ROS_INFO("%s", text.c_str());
+    return status(Code::OK, text);
+  } catch (const std::exception& error) {  // InputError, or memory
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return refuse(error.what());
+  }
+}
+
+void ImageSource::remember(const PlacedSweep& placed) {
+  refusal_.clear();
+  warning_ = placed.warning;
+  for (const auto& [reason, count] : placed.dropped) dropped_[reason] += count;
+  lag_ = better_lag(lag_, placed.lag);
+  lag_text_ = described(placed.lag);
+  const double left_s = placed.lag.lag_s - placed.corrected_lag_s;
+  const double allowed_s = options_.lag_tolerance_s + 2.0 * placed.lag.standard_error_s;
+  if (placed.lag.determined && std::abs(left_s) > allowed_s)
+    warning_ +=
+        (warning_.empty() ? "" : "; ") +
+        ("images lag poses by " + lag_text_ + ", but " + seconds_text(placed.corrected_lag_s) +
+         " s is corrected (" + placed.lag_source + "): frames are displaced along the sweep");
+  if (!warning_.empty()) ROS_WARN("%s", warning_.c_str());
+}
+
+ImageSource::Status ImageSource::readiness() {
+  ::ros::Time stamp;
+  std::string frame;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const double age_s = seconds_between(last_arrival_, ::ros::Time::now());
+    if (received_ == 0 || age_s > options_.sweep.longest_pause_s)
+      return status(
+          Code::NO_ULTRASOUND,
+          "no image arrives on '" + topic_ + "', which has " +
+              std::to_string(subscriber_.getNumPublishers()) + " publishers" +
+              (received_ == 0 ? "" : "; the last came " + seconds_text(age_s) + " s ago"));
+    if (!problem_.empty()) return status(Code::INVALID_MESSAGE, problem_);
+    stamp = last_stamp_;
+    frame = last_frame_;
+  }
+  const ::ros::WallTime deadline = ::ros::WallTime::now() + ::ros::WallDuration(options_.tf_wait_s);
+  const ArrayPoseThen then = poses_.at(nanoseconds_from(stamp), frame, deadline);
+  if (!then.T_us_frame)
+    return status(Code::TF_UNAVAILABLE,
+                  "the image of " + seconds_text(stamp) + " has no pose: " + then.problem);
+  return status(Code::OK, "");
+}
+
+ImageSource::Status ImageSource::start_sweep() {
+  Status answer = readiness();
+  if (answer.code != Code::OK) return answer;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::string before =
+      recording_ ? "; " + recording_->images.name() + " was not ended and is discarded" : "";
+  begin();
+  refusal_.clear();
+  answer.message = recording_->images.name() + " is recorded until us/end_sweep is called" + before;
+  ROS_INFO("%s", answer.message.c_str());
+  return answer;
+}
+
+ImageSource::Status ImageSource::end_sweep() {
+  const std::lock_guard<std::mutex> finishing(finishing_);
+  std::optional<Recording> ended;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!recording_)
+      return status(Code::NOT_RUNNING, refusal_.empty()
+                                           ? "no sweep is recorded; us/start_sweep starts one"
+                                           : "no sweep is recorded any more: refused " + refusal_);
+    ended = std::exchange(recording_, std::nullopt);
+  }
+  return finish(*ended);
+}
+
+void ImageSource::describe(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!warning_.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, warning_);
+  if (!refusal_.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, "refused " + refusal_);
+  if (!problem_.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem_);
+  const ::ros::WallTime now = ::ros::WallTime::now();
+  const double elapsed_s = std::max((now - reported_at_).toSec(), 1e-3);
+  diagnosis.add("images received", received_);
+  diagnosis.add("image rate [1/s]", static_cast<double>(received_ - reported_images_) / elapsed_s);
+  reported_at_ = now;
+  reported_images_ = received_;
+  for (const auto& [reason, count] : dropped_) diagnosis.add("dropped: " + reason, count);
+  diagnosis.add("recording",
+                recording_ ? recording_->images.name() + ", " +
+                                 std::to_string(recording_->images.images().size()) + " images, " +
+                                 std::to_string(recording_->images.distinct()) + " distinct"
+                           : std::string("no"));
+  diagnosis.add("sweeps refused", refused_);
+  diagnosis.add("image_lag [s]", options_.sweep.image_lag_s);
+  if (!lag_text_.empty()) diagnosis.add("lag by the images", lag_text_);
+  if (lag_)
+    diagnosis.add("lag in use [s]",
+                  options_.sweep.correct_lag ? lag_->lag_s : options_.sweep.image_lag_s);
+}
+
+}  // namespace usct::ros_interface

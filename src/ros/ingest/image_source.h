@@ -1,0 +1,112 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/Image.h>
+#include <tf2/buffer_core.h>
+#include <us_ct_registration/StatusCode.h>
+#include <us_ct_registration/Sweep.h>
+
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "ros/ingest/ingest_parameters.h"
+#include "ros/ingest/ingest_source.h"
+#include "ros/tf_input.h"
+#include "us_ct_registration/ultrasound/image_beams.h"
+#include "us_ct_registration/ultrasound/image_sweep.h"
+
+namespace usct::ros_interface {
+
+/// Poses of the array whose images are recorded, from tf, over the time of the longest sweep.
+class ImagePoses {
+ public:
+  ImagePoses(const ::ros::NodeHandle& node, const ImageStreamOptions& options);
+
+  /// The pose of the array that moves with the tf frame `image_frame`. Waits for tf until
+  /// `deadline`, of the wall clock: simulated time may stand still.
+  ArrayPoseThen at(std::int64_t stamp_ns, const std::string& image_frame,
+                   const ::ros::WallTime& deadline) const;
+
+ private:
+  const std::string us_frame_;
+  const Eigen::Isometry3d T_image_frame_;
+  tf2::BufferCore buffer_;
+  TfInput input_;
+};
+
+/// Assembles live B-mode images to sweeps: resamples each along the beams of the probe, and at the
+/// end of a sweep looks their poses up in tf, corrected for the lag that the sweep's images show.
+class ImageSource : public IngestSource {
+ public:
+  /// Throws InputError if the probe does not lie in the images.
+  ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions& options,
+              PublishVolume publish);
+
+  void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
+
+ private:
+  using Status = us_ct_registration::StatusCode;
+  using Sweep = us_ct_registration::Sweep;
+
+  /// The sweep that is recorded.
+  struct Recording {
+    ImageSweep images;
+    std::string image_frame;  // empty until the first image arrives, if the images name it
+  };
+
+  void on_image(const sensor_msgs::ImageConstPtr& image);
+  /// Adds an image to the sweep that is recorded. Throws InputError if the image is invalid.
+  void take(const sensor_msgs::Image& image);
+  /// Throws InputError for a stamp, frame or size that the node cannot use.
+  void require_usable(const sensor_msgs::Image& image) const;
+  void record(const sensor_msgs::Image& image);
+  void notice_time(const ::ros::Time& now);
+  void begin();
+  /// Ends the sweep that is recorded if the images have paused; without it, without a result.
+  std::optional<Recording> ended_by_pause(const ::ros::Time& now);
+  void check_pause();
+  /// Publishes the sweep, or says why not.
+  Status finish(const Recording& recording);
+  void remember(const PlacedSweep& placed);
+  Status refuse(const std::string& reason);
+  Status start_sweep();
+  Status end_sweep();
+  /// Why no sweep can start now; OK if it can.
+  Status readiness();
+
+  const ImageStreamOptions options_;
+  const ImageBeams beams_;
+  const PublishVolume publish_;
+  const ImagePoses poses_;
+
+  std::mutex finishing_;  // held while a sweep is finished, so that volumes keep their order
+
+  std::mutex mutex_;  // guards the members below, up to reported_at_
+  std::optional<Recording> recording_;
+  std::uint32_t next_number_ = 0;
+  std::string topic_;
+  ::ros::Time last_arrival_;
+  ::ros::Time last_stamp_;  // of the last usable image
+  std::string last_frame_;
+  std::string problem_;  // of the last image; empty if it was usable
+  std::uint64_t received_ = 0;
+  std::uint64_t refused_ = 0;
+  Counts dropped_;
+  std::string refusal_;             // of the last sweep; empty if it was published
+  std::string warning_;             // of the last sweep that was published
+  std::optional<LagEstimate> lag_;  // the best estimate so far
+  std::string lag_text_;            // of the last sweep
+  std::uint64_t reported_images_ = 0;
+  ::ros::WallTime reported_at_;
+
+  // These members are last, because their callbacks use all others.
+  image_transport::ImageTransport transport_;
+  image_transport::Subscriber subscriber_;
+  ::ros::ServiceServer start_server_;
+  ::ros::ServiceServer end_server_;
+  ::ros::WallTimer pause_timer_;
+};
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,230 @@
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
+#include <tf2_msgs/TFMessage.h>
+#include <us_ct_registration/Alignment.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <algorithm>
+#include <functional>
+#include <memory>
+
+#include "registration_client.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using visualization_msgs::Marker;
+using visualization_msgs::MarkerArray;
+
+const Isometry3d kPatientUs = test::rigid({-0.3, 0.2, 0.5}, {-80, 200, 700});
+
+/// The newest message of a topic.
+template <typename Message>
+class Newest {
+ public:
+  Newest(::ros::NodeHandle& node, const std::string& topic)
+      : subscriber_(
+            node.subscribe<Message>(topic, 10, [this](const typename Message::ConstPtr& message) {
+              const std::lock_guard<std::mutex> lock(mutex_);
+              newest_ = message;
+            })) {}
+
+  /// The first message that fulfils the condition; an empty one, and a failure, if none does.
+  Message wait(const std::function<bool(const Message&)>& condition) const {
+    typename Message::ConstPtr found;
+    EXPECT_TRUE(eventually([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      found = newest_ && condition(*newest_) ? newest_ : nullptr;
+      return found != nullptr;
+    })) << subscriber_.getTopic();
+    return found ? *found : Message();
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  typename Message::ConstPtr newest_;
+  ::ros::Subscriber subscriber_;  // last: its callback uses the others
+};
+
+struct Cloud {
+  std::vector<Vector3d> points_mm;
+  std::vector<float> intensities;
+};
+
+Cloud points_of(const sensor_msgs::PointCloud2& message) {
+  Cloud cloud;
+  if (message.data.empty()) return cloud;
+  sensor_msgs::PointCloud2ConstIterator<float> x(message, "x");
+  for (; x != x.end(); ++x) {
+    cloud.points_mm.push_back(kMmPerM * Vector3d(x[0], x[1], x[2]));
+    cloud.intensities.push_back(x[3]);
+  }
+  return cloud;
+}
+
+double worst_distance_mm(const Cloud& a, const Cloud& b) {
+  EXPECT_EQ(a.points_mm.size(), b.points_mm.size());
+  double worst = 0.0;
+  for (std::size_t i = 0; i < std::min(a.points_mm.size(), b.points_mm.size()); ++i)
+    worst = std::max(worst, (a.points_mm[i] - b.points_mm[i]).norm());
+  return worst;
+}
+
+class UsCloudNode : public testing::Test {
+ protected:
+  UsCloudNode()
+      : node_("clouds"),
+        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)),
+        us_(node_.advertise<msg::PreScanVolume>("us/volume", 1)),
+        ct_(node_.advertise<msg::CtVolume>("ct/volume", 1)),
+        surface_(node_.advertise<MarkerArray>("ct/surface", 1)),
+        alignment_(node_.advertise<msg::Alignment>("registration/alignment", 1)),
+        proposed_(node_.advertise<msg::Alignment>("registration/proposed", 1)),
+        us_cloud_(node_, "us/cloud"),
+        ct_cloud_(node_, "ct/cloud"),
+        proposed_markers_(node_, "ct/surface_proposed"),
+        diagnostics_(node_, "/diagnostics") {
+    for (const ::ros::Publisher* publisher : {&us_, &ct_, &surface_, &alignment_, &proposed_})
+      EXPECT_TRUE(eventually([&] { return publisher->getNumSubscribers() == 1; }))
+          << publisher->getTopic();
+    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 9; }));
+  }
+
+  void know(const ::ros::Time& stamp, const Isometry3d& T_patient_us, const std::string& us_frame) {
+    tf2_msgs::TFMessage message;
+    message.transforms.resize(1);
+    message.transforms[0].header = header("patient", stamp);
+    message.transforms[0].child_frame_id = us_frame;
+    message.transforms[0].transform = to_message(T_patient_us);
+    tf_.publish(message);
+  }
+
+  /// The cloud of the phantom's sweep, of a probe that turns about the axis of its motor, which
+  /// turns by `share` less than in the phantom's sweep: both together, the frames are the
+  /// phantom's.
+  Cloud cloud_of_moving(double share, bool with_stamps, const std::string& us_frame) {
+    constexpr double kPeriod_s = 0.05;
+    const ::ros::Time end = ::ros::Time::now();
+    msg::PreScanVolume sweep = agar_ultrasound(end, us_frame);
+    const double probe_mm = kMmPerM * sweep.geometry.probe_radius;
+    const double motor_mm = kMmPerM * sweep.geometry.motor_radius;
+    const std::size_t last = sweep.frame_angles.size() - 1;
+    for (std::size_t i = 0; i <= last; ++i) {
+      const double moved_rad = share * sweep.frame_angles[i];
+      const ::ros::Time stamp = end - ::ros::Duration(kPeriod_s * static_cast<double>(last - i));
+      const Isometry3d T = kPatientUs * T_us_frame_at_motor_angle(probe_mm, motor_mm, moved_rad);
+      if (with_stamps) sweep.frame_stamps.push_back(stamp);
+      sweep.frame_angles[i] -= moved_rad;
+      know(stamp, T, us_frame);
+      if (i == last) know(end + ::ros::Duration(0.5), T, us_frame);
+    }
+    us_.publish(sweep);
+    return points_of(us_cloud_.wait([&](const auto& cloud) { return cloud.header.stamp == end; }));
+  }
+
+  msg::Alignment alignment(std::uint8_t state, std::uint32_t ct_crc32) const {
+    msg::Alignment message;
+    message.header = header("patient", ::ros::Time::now());
+    message.state = state;
+    message.ct_frame = "ct";
+    message.ct_crc32 = ct_crc32;
+    message.transform = to_message(kPatientUs * agar().T_us_ct_true);
+    message.message = "result 5 waits for accept or reject";
+    return message;
+  }
+
+  ::ros::NodeHandle node_;
+  ::ros::Publisher tf_;
+  ::ros::Publisher us_;
+  ::ros::Publisher ct_;
+  ::ros::Publisher surface_;
+  ::ros::Publisher alignment_;
+  ::ros::Publisher proposed_;
+  Newest<sensor_msgs::PointCloud2> us_cloud_;
+  Newest<sensor_msgs::PointCloud2> ct_cloud_;
+  Newest<MarkerArray> proposed_markers_;
+  Newest<diagnostic_msgs::DiagnosticArray> diagnostics_;
+};
+
+TEST_F(UsCloudNode, ShowsEachFrameWhereTheProbeWasAtItsStamp) {
+  const Cloud still = cloud_of_moving(0.0, true, "us_cloud_still");
+  ASSERT_GT(still.points_mm.size(), 1000U);
+  const Cloud moving = cloud_of_moving(0.05, true, "us_cloud_moving");
+  EXPECT_LT(worst_distance_mm(still, moving), 0.01);
+  EXPECT_EQ(still.intensities, moving.intensities);
+  // Without stamps of its frames the sweep would lie where the probe was in the end.
+  EXPECT_GT(worst_distance_mm(still, cloud_of_moving(0.05, false, "us_cloud_unknown")), 1.0);
+}
+
+TEST_F(UsCloudNode, ShowsTheCtOnlyWithAnAlignmentOfThisCt) {
+  const msg::CtVolume ct = to_message(agar().ct, header("ct", ::ros::Time::now()), 3);
+  ASSERT_NE(ct.crc32, 0U);
+  ct_.publish(ct);
+  cloud_of_moving(0.0, true, "us_cloud_with_ct");
+  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  ct_cloud_.wait([](const auto& cloud) { return cloud.width > 1000; });
+  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32 + 1));
+  ct_cloud_.wait([](const auto& cloud) { return cloud.width == 0; });
+  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  ct_cloud_.wait([](const auto& cloud) { return cloud.width > 1000; });
+  alignment_.publish(alignment(msg::Alignment::NONE, 0));
+  ct_cloud_.wait([](const auto& cloud) { return cloud.width == 0; });
+}
+
+TEST_F(UsCloudNode, MarksWhatWaitsForAPersonUntilItIsDecided) {
+  const msg::CtVolume ct = to_message(agar().ct, header("ct", ::ros::Time::now()), 4);
+  ct_.publish(ct);
+  cloud_of_moving(0.0, true, "us_cloud_proposed");
+  MarkerArray surfaces;
+  surfaces.markers.resize(1);
+  surfaces.markers[0].type = Marker::TRIANGLE_LIST;
+  surfaces.markers[0].ns = "2 kidney";
+  surfaces.markers[0].id = 2;
+  surfaces.markers[0].points.resize(3);
+  surface_.publish(surfaces);
+  const auto is_gone = [](const MarkerArray& array) {
+    return array.markers.size() == 1 && array.markers[0].action == Marker::DELETEALL;
+  };
+  const auto is_shown = [](const MarkerArray& array) { return array.markers.size() == 3; };
+  proposed_.publish(alignment(msg::Alignment::PROPOSED, ct.crc32));
+  const MarkerArray shown = proposed_markers_.wait(is_shown);
+  ASSERT_EQ(shown.markers.size(), 3U);
+  EXPECT_EQ(shown.markers[0].action, Marker::DELETEALL);
+  for (std::size_t i : {1, 2}) {
+    EXPECT_EQ(shown.markers[i].ns, "PROPOSED");
+    EXPECT_EQ(shown.markers[i].header.frame_id, "patient");
+  }
+  const Vector3d ct_mm = (kPatientUs * agar().T_us_ct_true).translation();
+  EXPECT_NEAR(kMmPerM * shown.markers[1].pose.position.x, ct_mm.x(), 1e-6);
+  EXPECT_EQ(shown.markers[1].points.size(), 3U);
+  EXPECT_THAT(shown.markers[2].text, testing::HasSubstr("PROPOSED: result 5 waits"));
+  proposed_.publish(alignment(msg::Alignment::PROPOSED, ct.crc32 + 1));
+  proposed_markers_.wait(is_gone);
+  proposed_.publish(alignment(msg::Alignment::PROPOSED, ct.crc32));
+  proposed_markers_.wait(is_shown);
+  proposed_.publish(alignment(msg::Alignment::NONE, 0));
+  proposed_markers_.wait(is_gone);
+}
+
+TEST_F(UsCloudNode, SaysInDiagnosticsWhyUltrasoundIsNotShown) {
+  const auto status = [](std::int8_t level, const std::string& text) {
+    return [=](const diagnostic_msgs::DiagnosticArray& array) {
+      return std::any_of(array.status.begin(), array.status.end(), [&](const auto& one) {
+        return one.name.rfind("clouds/us_cloud", 0) == 0 && one.level == level &&
+               one.message.find(text) != std::string::npos;
+      });
+    };
+  };
+  cloud_of_moving(0.0, true, "us_cloud_good");
+  diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::OK, "ultrasound is shown"));
+  us_.publish(agar_ultrasound(::ros::Time::now(), "us_cloud_nowhere"));
+  diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::WARN, "us_cloud_nowhere"));
+  cloud_of_moving(0.0, true, "us_cloud_good_again");
+  diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::OK, "ultrasound is shown"));
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
