@@ -79,6 +79,8 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(package_tests ${PROJECT_SOURCE_DIR}/test/package)
 add_test(NAME package_dependencies
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_dependencies.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_debian COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_debian.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_check_debian COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_check_debian.py)
 add_test(NAME package_core_without_ros
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_core_without_ros.py ${PROJECT_SOURCE_DIR}
     $<TARGET_FILE:${PROJECT_NAME}_core> $<TARGET_FILE:usct>)
@@ -100,4 +102,11 @@ if(NOT USCT_CORE_ONLY)
         ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR} ${variant})
     set_tests_properties(package_built_by_${variant} PROPERTIES RESOURCE_LOCK package_workspace)
   endforeach()
+  # Not by default: it compiles what ccache does not have, and links and packs everything once more.
+  if(USCT_TEST_DEBIAN)
+    add_test(NAME package_debian_packages
+      COMMAND ${package_tests}/debian_packages.sh ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR})
+    set_tests_properties(package_debian_packages PROPERTIES
+      RESOURCE_LOCK package_workspace SKIP_REGULAR_EXPRESSION "^skipped:")
+  endif()
 endif()
