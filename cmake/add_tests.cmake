@@ -93,6 +93,7 @@ add_test(NAME package_check_sizes COMMAND ${Python3_EXECUTABLE} ${package_tests}
 add_test(NAME package_plot_study COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_plot_study.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_self_cases.py)
+add_test(NAME soak_watcher COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/bench/soak/test_soak.py)
 if(NOT USCT_CORE_ONLY)
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})
   add_test(NAME package_catkin_lint COMMAND catkin_lint --strict ${PROJECT_SOURCE_DIR})
