@@ -56,7 +56,7 @@ class Ledger:
         self._look_ups = []     # those that are not judged yet
         self.look_ups = self.without_transform = 0
         self.worst_mm = 0.0
-        self.gaps = []          # lengths of times without a transform although an alignment was in force
+        self.gaps = []          # (begin, length) of times without a transform although an alignment was in force
         self._gap_began = None
         self.last_accepted = None
 
@@ -124,7 +124,7 @@ class Ledger:
 
     def _end_gap(self, when):
         if self._gap_began is not None and when is not None:
-            self.gaps.append(when - self._gap_began)
+            self.gaps.append((self._gap_began, when - self._gap_began))
         self._gap_began = None
 
     def accepted(self, stored):

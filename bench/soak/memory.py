@@ -19,6 +19,10 @@ def own_mib(pid):
     return int(found.group(1)) / 1024.0 if found else None
 
 
+def thin(samples):
+    return samples[::max(1, len(samples) // 150)]
+
+
 class Lives:
     """Samples of processes by name and number: a node that was restarted begins a new life."""
 
@@ -43,7 +47,7 @@ class Lives:
             if not warm or warm[-1][0] - warm[0][0] < LEAST_S:
                 continue
             length = warm[-1][0] - warm[0][0]
-            thinned = warm[::max(1, len(warm) // 150)]
+            thinned = thin(warm)
             slopes = [(b[1] - a[1]) / (b[0] - a[0]) for i, a in enumerate(thinned) for b in thinned[i + 1:]]
             slope = statistics.median(slopes)
             yield name, length, statistics.median(mib for _, mib in warm), 3600.0 * slope, slope * length

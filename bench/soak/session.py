@@ -61,6 +61,7 @@ class Session:
         self.ledger.last_accepted = plan["last_accepted"]
         self.known_sweeps = len(sweeps)
         self.counts = {}
+        self.kills = []                           # (when, what)
         self.lock = threading.RLock()
         self.ended = threading.Event()
         self.T_fixed_us = numpy.array(plan["T_fixed_us"])
@@ -189,6 +190,7 @@ class Session:
                 except ProcessLookupError:
                     continue
             self.count(f"{how.name} {name}")
+            self.kills.append((time.time(), f"{how.name} {name}"))
 
     # The operator ---------------------------------------------------------------------------------
 
@@ -312,7 +314,7 @@ class Session:
         with self.lock:
             ledger = self.ledger
             ledger.finish()
-            return {"counts": self.counts, "look_ups": ledger.look_ups, "without_transform": ledger.without_transform,
+            return {"counts": self.counts, "kills": self.kills, "look_ups": ledger.look_ups, "without_transform": ledger.without_transform,
                     "worst_mm": ledger.worst_mm, "gaps": ledger.gaps, "faults": ledger.faults.counts,
                     "first": ledger.faults.first, "last_accepted": ledger.last_accepted,
                     "sweeps": [sweep.as_json() for sweep in ledger.sweeps[self.known_sweeps:]]}

@@ -178,12 +178,16 @@ class Runner:
             self.run_session(number, min(left, 60.0 * self.options.session_minutes))
             number += 1
 
+    def last_kill(self, when):
+        """What was done to nodes in the 20 s before."""
+        return [what for record in self.records for moment, what in record["kills"] if when - 20.0 < moment <= when + 1.0]
+
     def summary(self):
         counts = {}
         for record in self.records:
             for what, count in record["counts"].items():
                 counts[what] = counts.get(what, 0) + count
-        gaps = sorted(gap for record in self.records for gap in record["gaps"])
+        gaps = sorted((length, begin) for record in self.records for begin, length in record["gaps"])
         growths = list(self.lives.growths())
         for name, length, _, slope, growth in growths:
             if growth > self.options.memory_limit_mib:
@@ -192,17 +196,18 @@ class Runner:
                 "look_ups": sum(record["look_ups"] for record in self.records),
                 "without_transform": sum(record["without_transform"] for record in self.records),
                 "worst_mm": max((record["worst_mm"] for record in self.records), default=0.0),
-                "gaps": {"number": len(gaps), "median_s": gaps[len(gaps) // 2] if gaps else 0.0,
-                         "longest_s": gaps[-1] if gaps else 0.0},
-                "memory": growths, "faults": self.faults.counts, "first": self.faults.first}
+                "gaps": [{"s": length, "after": self.last_kill(begin)} for length, begin in gaps],
+                "memory": growths, "samples": [[name, memory.thin(samples)] for (name, _), samples in
+                                               self.lives.samples.items()], "faults": self.faults.counts, "first": self.faults.first}
 
 
 def print_summary(summary):
     print(f"sessions {summary['sessions']}, ended by {summary['ends']}")
     print(", ".join(f"{what} {count}" for what, count in summary["counts"].items()))
     print(f"look-ups {summary['look_ups']}, without a transform {summary['without_transform']}; "
-          f"worst accepted error {summary['worst_mm']:.2f} mm; times without a transform although an alignment was in "
-          f"force: {summary['gaps']}")
+          f"worst accepted error {summary['worst_mm']:.2f} mm")
+    print("without a transform although an alignment was in force, s: " + ", ".join(
+        f"{gap['s']:.1f} ({'; '.join(gap['after']) or 'no node was killed'})" for gap in summary["gaps"]))
     print("\n| process | s | median, MiB | slope, MiB/h | growth, MiB |\n|---|---|---|---|---|")
     for name, length, median, slope, growth in summary["memory"]:
         print(f"| {name} | {length:.0f} | {median:.1f} | {slope:.1f} | {growth:.1f} |")
