@@ -90,7 +90,7 @@ void read_sequence(const fs::path& path) {
   source.calibration = path.parent_path() / "calibration.xml";
   read_ultrasound(source);
   source.probe = path.parent_path() / "probe.yaml";
-  source.image_origin_px = Eigen::Vector2d(4.0, -40.0);
+  source.image_origin_px = Eigen::Vector2d(4.0, -299.0);
   source.image_spacing_mm = Eigen::Vector2d(0.2, 0.2);
   source.samples = 4;
   read_ultrasound(source);
