@@ -90,8 +90,12 @@ class Worker {
     const Clock::time_point begin = Clock::now();
     double memory_mib = 0.0;
     for (std::uint64_t i = 0; i < runs; ++i) {
-      if (i == runs / 2) memory_mib = own_memory_mib();
-      if (i % 64 == 0 && seconds_since(begin) > seconds) break;
+      if (i % 64 == 0) {
+        const double passed_s = seconds_since(begin);
+        if (passed_s > seconds) break;
+        if (memory_mib == 0.0 && (2 * i >= runs || 2.0 * passed_s > seconds))
+          memory_mib = own_memory_mib();
+      }
       Bytes bytes = mutator.mutated(corpus_);
       const bool mend = reader_.mended != nullptr && mutator.below(2) == 0;
       write_file(path_, mend ? reader_.mended(bytes) : bytes);
