@@ -220,7 +220,7 @@ def parse_arguments():
     parser.add_argument("minutes", type=float, help="length")
     parser.add_argument("--seed", type=int, default=1, help="of all that is drawn; times are those of the machine")
     parser.add_argument("--nodelet", choices=("true", "false", "both"), default="both", help="nodes as nodelets, or both in turn")
-    parser.add_argument("--session-minutes", type=float, default=5.0, help="from a start of the master to its end")
+    parser.add_argument("--session-minutes", type=float, default=10.0, help="from a start of the master to its end")
     parser.add_argument("--memory-limit-mib", type=float, default=32.0, help="growth of a process that counts as a fault")
     parser.add_argument("--output", type=pathlib.Path, default=PROJECT / "soak_out", help="folder for logs and the summary")
     parser.add_argument("--inject", action="store_true", help="publish wrong transforms, which the watcher must report")

@@ -114,24 +114,24 @@ class Watcher(unittest.TestCase):
 class Memory(unittest.TestCase):
     def growth(self, mib):
         lives = memory.Lives()
-        for i in range(150):
+        for i in range(300):
             lives.add("node", 1, 2.0 * i, mib(2.0 * i))
         return list(lives.growths())
 
     def test_a_node_that_grows(self):
         ((name, length, _, slope, growth),) = self.growth(lambda s: 50.0 + s / 10.0)
-        self.assertEqual((name, length), ("node", 238.0))
+        self.assertEqual((name, length), ("node", 358.0))
         self.assertAlmostEqual(slope, 360.0, delta=1.0)
-        self.assertAlmostEqual(growth, 23.8, delta=0.1)
+        self.assertAlmostEqual(growth, 35.8, delta=0.1)
 
     def test_a_cache_that_fills_and_a_large_message_are_no_growth(self):
-        ((_, _, median, _, growth),) = self.growth(lambda s: min(s, 40.0) + (100.0 if int(s) % 50 == 0 else 0.0))
-        self.assertAlmostEqual(median, 40.0)
+        ((_, _, median, _, growth),) = self.growth(lambda s: min(s, 200.0) + (100.0 if int(s) % 50 == 0 else 0.0))
+        self.assertAlmostEqual(median, 200.0)
         self.assertAlmostEqual(growth, 0.0, delta=0.5)
 
     def test_a_short_life_is_not_judged(self):
         lives = memory.Lives()
-        for i in range(40):
+        for i in range(200):
             lives.add("node", 1, 2.0 * i, 10.0 + i)
         self.assertEqual(list(lives.growths()), [])
 

@@ -140,10 +140,10 @@ void Mutator::change_words(Bytes& bytes) {
   replace(bytes, begin, end, other);
 }
 
-Bytes Mutator::mutated(const std::vector<Bytes>& corpus) {
-  Bytes bytes = corpus[below(corpus.size())];
+Bytes Mutator::mutated(const std::vector<Bytes>& corpus, std::size_t seeds) {
+  Bytes bytes = corpus[below(below(2) == 0 ? seeds : corpus.size())];
   do {
-    if (bytes.empty()) bytes = corpus[below(corpus.size())];
+    if (bytes.empty()) bytes = corpus[below(seeds)];
     switch (below(8)) {
       case 0:
       case 1:

@@ -16,8 +16,9 @@ class Mutator {
  public:
   explicit Mutator(std::uint64_t seed) : random_(seed) {}
 
-  /// A file that differs from one of `corpus`, which must not be empty; at most kMostBytes long.
-  io::Bytes mutated(const std::vector<io::Bytes>& corpus);
+  /// A file that differs from one of `corpus`; at most kMostBytes long. Every other one is made
+  /// from the first `seeds` of the corpus, which are good files; there must be at least one.
+  io::Bytes mutated(const std::vector<io::Bytes>& corpus, std::size_t seeds);
 
   /// A number in [0, count), for decisions of the caller; count > 0.
   std::size_t below(std::size_t count);

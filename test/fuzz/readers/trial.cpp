@@ -59,15 +59,15 @@ void write_file(const fs::path& path, const Bytes& bytes) {
   if (!file) throw std::runtime_error("cannot write " + path.string());
 }
 
-/// A message without what is different in each: paths, names, numbers.
+/// A message without what is different in each: numbers, and what stands between quotes.
 std::string kind_of(const std::string& message) {
+  const std::size_t first = std::min(message.find_first_of("'\""), message.size());
+  const std::size_t last = message.find_last_of("'\"");
+  const std::string rest = last == std::string::npos ? "" : message.substr(last + 1);
   std::string kind;
-  bool quoted = false;
-  for (const char c : message) {
-    if (c == '\'') quoted = !quoted;
-    if (!quoted && (std::isalpha(static_cast<unsigned char>(c)) != 0 || c == ' ')) kind += c;
-  }
-  return kind.substr(0, 200);
+  for (const char c : message.substr(0, first) + rest)
+    if (std::isalpha(static_cast<unsigned char>(c)) != 0 || c == ' ') kind += c;
+  return kind.substr(0, 100);
 }
 
 /// What one process does: it reads file after file.
@@ -96,7 +96,7 @@ class Worker {
         if (memory_mib == 0.0 && (2 * i >= runs || 2.0 * passed_s > seconds))
           memory_mib = own_memory_mib();
       }
-      Bytes bytes = mutator.mutated(corpus_);
+      Bytes bytes = mutator.mutated(corpus_, reader_.seeds.size());
       const bool mend = reader_.mended != nullptr && mutator.below(2) == 0;
       write_file(path_, mend ? reader_.mended(bytes) : bytes);
       ::alarm(options_.hang_s);
