@@ -41,8 +41,8 @@ class Lives:
         self.samples.setdefault((name, pid), []).append((now, mib))
 
     def growths(self):
-        """Of each life that can be judged: name, length (s), median (MiB), slope (MiB per hour) by Theil and Sen, which a
-        single large message does not disturb, and growth over the life (MiB)."""
+        """Of each life that can be judged: name, length (s), median (MiB), peak (MiB), slope (MiB per hour) by Theil and
+        Sen, which a single large message does not disturb, and growth over the life (MiB)."""
         for (name, _), samples in sorted(self.samples.items()):
             warm = [(when, mib) for when, mib in samples if when - samples[0][0] >= WARM_UP_S]
             if not warm or warm[-1][0] - warm[0][0] < LEAST_S:
@@ -51,4 +51,5 @@ class Lives:
             thinned = thin(warm)
             slopes = [(b[1] - a[1]) / (b[0] - a[0]) for i, a in enumerate(thinned) for b in thinned[i + 1:]]
             slope = statistics.median(slopes)
-            yield name, length, statistics.median(mib for _, mib in warm), 3600.0 * slope, slope * length
+            sizes = [mib for _, mib in warm]
+            yield name, length, statistics.median(sizes), max(sizes), 3600.0 * slope, slope * length

@@ -2,6 +2,7 @@
 import copy
 import io
 
+import genpy
 import rospy
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
@@ -37,20 +38,25 @@ def far_stamp(random, now):
 
 def flipped(random, frame):
     """A frame with a few wrong bits anywhere in its bytes but the first ones, which hold the stamp: a stamp that is
-    slightly wrong is another pose, and nobody can tell."""
+    slightly wrong is another pose, and nobody can tell. Lists that would end beyond the message are left out: roscpp
+    itself makes room for them before it looks, for gigabytes."""
     buffer = io.BytesIO()
     PreScanFrame.serialize(frame, buffer)
-    data = bytearray(buffer.getvalue())
-    for _ in range(random.randint(1, 4)):
-        # Mostly the header of the frame, not its many bytes of image.
-        most = len(data) if random.random() < 0.2 else min(len(data), 700)
-        place = random.randrange(12, most)
-        data[place] ^= 1 << random.randrange(8)
-    if random.random() < 0.2:
-        del data[random.randrange(12, len(data)):]
     message = raw_frame(frame)
-    message.raw = bytes(data)
-    return message
+    while True:
+        data = bytearray(buffer.getvalue())
+        for _ in range(random.randint(1, 4)):
+            # Mostly the header of the frame, not its many bytes of image.
+            most = len(data) if random.random() < 0.2 else min(len(data), 700)
+            data[random.randrange(12, most)] ^= 1 << random.randrange(8)
+        try:
+            PreScanFrame().deserialize(bytes(data))
+        except (genpy.DeserializationError, UnicodeDecodeError):
+            continue
+        if random.random() < 0.2:
+            del data[random.randrange(700, len(data)):]
+        message.raw = bytes(data)
+        return message
 
 
 def damaged_frame(random, frame, now):

@@ -31,6 +31,7 @@ SIZE = ("120", "64", "41")
 START_S = 90.0           # within which the nodes must be up
 KILL_EVERY_S = 15.0
 SAMPLE_S = 2.0
+PEAK_MIB = 1500.0        # of any process, which no CT and sweep of this size explains
 
 
 def usct(*arguments):
@@ -189,7 +190,11 @@ class Runner:
                 counts[what] = counts.get(what, 0) + count
         gaps = sorted((length, begin) for record in self.records for begin, length in record["gaps"])
         growths = list(self.lives.growths())
-        for name, length, _, slope, growth in growths:
+        for (name, _), samples in self.lives.samples.items():
+            peak = max(mib for _, mib in samples)
+            if peak > PEAK_MIB:
+                self.faults.add("memory", f"{name}: {peak:.0f} MiB at its peak")
+        for name, length, _, _, slope, growth in growths:
             if growth > self.options.memory_limit_mib:
                 self.faults.add("memory", f"{name}: {growth:.1f} MiB in {length:.0f} s, {slope:.0f} MiB per hour")
         return {"sessions": len(self.records), "ends": self.ends, "counts": dict(sorted(counts.items())),
@@ -208,9 +213,9 @@ def print_summary(summary):
           f"worst accepted error {summary['worst_mm']:.2f} mm")
     print("without a transform although an alignment was in force, s: " + ", ".join(
         f"{gap['s']:.1f} ({'; '.join(gap['after']) or 'no node was killed'})" for gap in summary["gaps"]))
-    print("\n| process | s | median, MiB | slope, MiB/h | growth, MiB |\n|---|---|---|---|---|")
-    for name, length, median, slope, growth in summary["memory"]:
-        print(f"| {name} | {length:.0f} | {median:.1f} | {slope:.1f} | {growth:.1f} |")
+    print("\n| process | s | median, MiB | peak, MiB | slope, MiB/h | growth, MiB |\n|---|---|---|---|---|---|")
+    for name, length, median, peak, slope, growth in summary["memory"]:
+        print(f"| {name} | {length:.0f} | {median:.1f} | {peak:.1f} | {slope:.1f} | {growth:.1f} |")
     for kind, count in summary["faults"].items():
         print(f"\nFAULT {kind}, {count} times; the first: {summary['first'][kind]}")
 

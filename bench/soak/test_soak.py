@@ -119,14 +119,15 @@ class Memory(unittest.TestCase):
         return list(lives.growths())
 
     def test_a_node_that_grows(self):
-        ((name, length, _, slope, growth),) = self.growth(lambda s: 50.0 + s / 10.0)
+        ((name, length, _, _, slope, growth),) = self.growth(lambda s: 50.0 + s / 10.0)
         self.assertEqual((name, length), ("node", 358.0))
         self.assertAlmostEqual(slope, 360.0, delta=1.0)
         self.assertAlmostEqual(growth, 35.8, delta=0.1)
 
     def test_a_cache_that_fills_and_a_large_message_are_no_growth(self):
-        ((_, _, median, _, growth),) = self.growth(lambda s: min(s, 200.0) + (100.0 if int(s) % 50 == 0 else 0.0))
+        ((_, _, median, peak, _, growth),) = self.growth(lambda s: min(s, 200.0) + (100.0 if int(s) % 50 == 0 else 0.0))
         self.assertAlmostEqual(median, 200.0)
+        self.assertAlmostEqual(peak, 300.0)
         self.assertAlmostEqual(growth, 0.0, delta=0.5)
 
     def test_a_short_life_is_not_judged(self):
