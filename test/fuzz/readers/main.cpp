@@ -54,7 +54,7 @@ int run(const TrialOptions& options, const std::string& only) {
 int main(int argc, char** argv) {
   usct::fuzz::TrialOptions options;
   std::string only;
-  CLI::App app{"fuzz_readers: mutated files for every reader"};
+  CLI::App app{"test_fuzz_readers: mutated files for every reader"};
   app.add_option("--runs", options.runs, "runs of each reader")->capture_default_str();
   app.add_option("--seconds", options.seconds, "longest time for each reader, s");
   app.add_option("--seed", options.seed, "of the mutations")->capture_default_str();
