@@ -79,6 +79,8 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(package_tests ${PROJECT_SOURCE_DIR}/test/package)
 add_test(NAME package_dependencies
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_dependencies.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_debian COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_debian.py ${PROJECT_SOURCE_DIR})
+add_test(NAME package_check_debian COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_check_debian.py)
 add_test(NAME package_core_without_ros
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_core_without_ros.py ${PROJECT_SOURCE_DIR}
     $<TARGET_FILE:${PROJECT_NAME}_core> $<TARGET_FILE:usct>)
@@ -91,6 +93,7 @@ add_test(NAME package_check_sizes COMMAND ${Python3_EXECUTABLE} ${package_tests}
 add_test(NAME package_plot_study COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_plot_study.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_self_cases.py)
+add_test(NAME soak_watcher COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/bench/soak/test_soak.py)
 if(NOT USCT_CORE_ONLY)
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})
   add_test(NAME package_catkin_lint COMMAND catkin_lint --strict ${PROJECT_SOURCE_DIR})
@@ -100,4 +103,11 @@ if(NOT USCT_CORE_ONLY)
         ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR} ${variant})
     set_tests_properties(package_built_by_${variant} PROPERTIES RESOURCE_LOCK package_workspace)
   endforeach()
+  # Not by default: it compiles what ccache does not have, and links and packs everything once more.
+  if(USCT_TEST_DEBIAN)
+    add_test(NAME package_debian_packages
+      COMMAND ${package_tests}/debian_packages.sh ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR})
+    set_tests_properties(package_debian_packages PROPERTIES
+      RESOURCE_LOCK package_workspace SKIP_REGULAR_EXPRESSION "^skipped:")
+  endif()
 endif()

@@ -21,8 +21,8 @@ std::filesystem::path bag_program() {
   const std::filesystem::path program = bag_program();
   if (!std::filesystem::exists(program))
     throw InputError("bag", "there is no '" + program.string() +
-                                "': this usct was built without ROS (USCT_CORE_ONLY); bags need "
-                                "it");
+                                "': this usct was built without ROS (USCT_CORE_ONLY), or the "
+                                "package ros-us-ct-registration is not installed; bags need it");
   std::string name = program.string();
   std::vector<char*> argv = {name.data()};
   for (std::string& argument : arguments) argv.push_back(argument.data());

@@ -107,5 +107,15 @@ TEST(AlignmentFile, AFolderInItsPlaceAndAMissingFolderAreErrors) {
                InputError);
 }
 
+TEST(AlignmentFile, DeepNestingIsDamage) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "alignment.json";
+  constexpr int kLevels = 300000;
+  std::ofstream(path) << "{\"crc32\": 1, \"content\": " << std::string(kLevels, '[')
+                      << std::string(kLevels, ']') << "}";
+  EXPECT_THAT(error_of(path), HasSubstr(path.string()));
+  EXPECT_THAT(error_of(path), HasSubstr("nested too deeply"));
+}
+
 }  // namespace
 }  // namespace usct

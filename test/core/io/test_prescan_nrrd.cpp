@@ -319,6 +319,12 @@ TEST(PreScanNrrd, RefusesBrokenFiles) {
                                     ".nrrd");
 }
 
+TEST(PreScanNrrd, AnAbsurdFieldOfViewNamesTheFile) {
+  const TemporaryFolder folder;
+  const auto path = spit(folder.path() / "us.nrrd", replaced(motorised_file(), "0.308", "1e9"));
+  expect_input_error([&] { describe_prescan_nrrd(path); }, {"us.nrrd", "field_of_view_mm"});
+}
+
 TEST(PreScanNrrd, LeavesNoFileBehindWhenTheVolumeIsInvalid) {
   const TemporaryFolder folder;
   PreScanVolume volume = read(motorised_file());

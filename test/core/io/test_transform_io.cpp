@@ -3,6 +3,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <future>
 
@@ -179,6 +180,24 @@ TEST(TransformIo, RefusesBrokenFiles) {
   expect_input_error([&] { read_T_us_ct(folder.path() / "t.mat"); }, {"t.mat", ".mat", ".tfm"});
   expect_input_error([&] { write_T_us_ct(Eigen::Isometry3d::Identity(), folder.path() / "t"); },
                      {".tfm"});
+}
+
+TEST(TransformIo, ALostNameInHdf5IsDamage) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "t.h5";
+  write_T_us_ct(Eigen::Isometry3d::Identity(), path);
+  test::FileBytes bytes = test::slurp(path);
+  // Texts of any length are kept as their length and the address of the heap that holds them.
+  const std::string heap = "GCOL";
+  const auto address = std::search(bytes.begin(), bytes.end(), heap.begin(), heap.end());
+  ASSERT_NE(address, bytes.end());
+  test::FileBytes reference;
+  test::append_int32(reference, static_cast<int>(std::string("AffineTransform_double_3_3").size()));
+  test::append_int32(reference, static_cast<int>(address - bytes.begin()));
+  const auto name = std::search(bytes.begin(), bytes.end(), reference.begin(), reference.end());
+  ASSERT_NE(name, bytes.end());
+  std::fill(name, name + 8, 0);
+  expect_input_error([&] { read_T_us_ct(spit(path, bytes)); }, {"t.h5", "transform 0", "no text"});
 }
 
 TEST(TransformIo, WhatIsNotRigidIsNotWritten) {

@@ -109,6 +109,19 @@ TEST_F(UltrasoundSourceTest, AnOptionThatTheSequenceCannotUseIsRefused) {
   expect_input_error([&] { read_ultrasound(beams); }, {"'samples' is '30'", "not images"});
 }
 
+TEST_F(UltrasoundSourceTest, WhatIsWrongWithTheImagesNamesTheFile) {
+  IgsioSequence sequence = b_mode_sweep();
+  sequence.frames[3].timestamp_s = 0.1;  // before frame 2
+  expect_input_error([&] { read_ultrasound(source_of(sequence)); }, {"sweep.igs.mha", "times_s"});
+  UltrasoundSource outside = source_of(b_mode_sweep());
+  outside.probe = probe_yaml();
+  outside.image_origin_px = Eigen::Vector2d(1000.0, 0.0);
+  outside.image_spacing_mm = Eigen::Vector2d(kPixelMm, kPixelMm);
+  outside.samples = 30;
+  expect_input_error([&] { read_ultrasound(outside); },
+                     {"sweep.igs.mha", "image placement leaves every sample outside"});
+}
+
 TEST_F(UltrasoundSourceTest, InvalidFramesAreAnErrorUnlessTheyAreToBeLeftOut) {
   IgsioSequence sequence = b_mode_sweep();
   sequence.frames[2].transforms["ProbeToReference"].status = "INVALID";

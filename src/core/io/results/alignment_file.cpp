@@ -18,6 +18,9 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr const char* kFormat = "us_ct_registration alignment 2";
+// The content has three levels. Thousands, in a damaged file, would exhaust the stack where they
+// are written as text.
+constexpr int kDeepest = 8;
 
 std::uint32_t checksum(const Json& content) {
   const std::string text = content.dump();
@@ -71,7 +74,10 @@ StoredAlignment read_alignment(const fs::path& path) {
   std::ifstream file(path);
   if (!file || fs::is_directory(path)) throw InputError(path.string(), "cannot be read");
   try {
-    const Json json = Json::parse(file);
+    const Json json = Json::parse(file, [&](int depth, Json::parse_event_t, const Json&) {
+      if (depth > kDeepest) throw InputError(path.string(), "is damaged: it is nested too deeply");
+      return true;
+    });
     const Json& content = json.at("content");
     if (json.at("crc32").get<std::uint32_t>() != checksum(content))
       throw InputError(path.string(), "is damaged: its checksum is not that of its content");

@@ -71,6 +71,29 @@ void require_complete_text(const std::filesystem::path& path) {
                                         std::to_string(fixed_parameters) + " 'FixedParameters'");
 }
 
+/// Throws InputError unless the name of each transform is one text, and H5::Exception if there is
+/// none. ITK reads more texts than one beyond the end of a pointer, and follows the null pointer
+/// that HDF5 gives for a text that was lost.
+void require_names_hdf5(const std::filesystem::path& path) {
+  const H5::H5File file(path.string(), H5F_ACC_RDONLY);
+  const H5::Group transforms = file.openGroup("TransformGroup");
+  for (hsize_t i = 0; i < transforms.getNumObjs(); ++i) {
+    const H5::DataSet name = transforms.openGroup(std::to_string(i)).openDataSet("TransformType");
+    const H5::DataSpace space = name.getSpace();
+    bool is_text = name.getTypeClass() == H5T_STRING && space.getSimpleExtentNpoints() == 1;
+    if (is_text && name.getStrType().isVariableStr()) {
+      const H5::StrType type(H5::PredType::C_S1, H5T_VARIABLE);
+      char* text = nullptr;
+      name.read(&text, type);
+      is_text = text != nullptr;
+      if (is_text) H5::DataSet::vlenReclaim(&text, type, space);
+    }
+    if (!is_text)
+      throw InputError(path.string(),
+                       "is damaged: the name of transform " + std::to_string(i) + " is no text");
+  }
+}
+
 /// The part of ITK's message that is about the file, not about ITK's source code.
 std::string description(const itk::ExceptionObject& error) {
   std::string text = error.GetDescription();
@@ -89,6 +112,8 @@ void with_input_errors(const std::string& source, const Action& action) {
     throw InputError(source, violation + description(error));
   } catch (const H5::Exception& error) {
     throw InputError(source, violation + error.getDetailMsg());
+  } catch (const InputError&) {
+    throw;
   } catch (const std::exception& error) {  // ITK throws this for some unknown names of transforms
     throw InputError(source, violation + error.what());
   }
@@ -113,11 +138,13 @@ LinearMap linear_map(const AnyTransform& transform) {
 LinearMap read_itk_transform(const std::filesystem::path& path) {
   const std::string source = path.string();
   const auto io = transform_io(path);
-  if (std::string_view(io->GetNameOfClass()) == "TxtTransformIOTemplate")
+  const bool is_text = std::string_view(io->GetNameOfClass()) == "TxtTransformIOTemplate";
+  if (is_text)
     require_complete_text(path);
   else
     read_prefix(path, 1);  // throws a clear message if the file is missing, empty or a folder
   const auto lock = lock_itk_transforms();
+  if (!is_text) with_input_errors(source, [&] { require_names_hdf5(path); });
   const auto reader = itk::TransformFileReaderTemplate<double>::New();
   reader->SetTransformIO(io);
   reader->SetFileName(source);

@@ -107,6 +107,7 @@ TrackedImages tracked_images(const IgsioSequence& sequence, const ValidFrames& v
     images.height = image.height;
     images.pixels.insert(images.pixels.end(), image.pixels.begin(), image.pixels.end());
   }
+  images.validate(source);
   return images;
 }
 
@@ -123,9 +124,13 @@ PreScanVolume along_beams(const TrackedImages& images, const UltrasoundSource& s
   poses.T_us_frame.assign(images.T_us_pixel.size(), Eigen::Isometry3d::Identity());
   const AxialSampling axial = tracked_geometry(probe, recorded, poses, name).axial;
   const ImagePlacement placement{*source.image_origin_px, *source.image_spacing_mm};
-  PreScanVolume volume = prescan_from_images(images, probe.array, axial, placement);
-  std::get<TrackedSweep>(volume.geometry.motion).frame_times_s = images.times_s;
-  return volume;
+  try {
+    PreScanVolume volume = prescan_from_images(images, probe.array, axial, placement);
+    std::get<TrackedSweep>(volume.geometry.motion).frame_times_s = images.times_s;
+    return volume;
+  } catch (const InputError& error) {  // it knows no file
+    throw InputError(name, error.source() + " " + error.violation());
+  }
 }
 
 std::vector<std::int16_t> int16_values(const std::vector<std::uint8_t>& little_endian) {

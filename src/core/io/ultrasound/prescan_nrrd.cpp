@@ -94,7 +94,11 @@ std::string describe_prescan_nrrd(const std::filesystem::path& path) {
     io::describe_motor(*sweep, json);
   else
     describe_tracking(std::get<TrackedSweep>(geometry.motion), json);
-  json["field_of_view_mm"] = io::list(fan_grid(geometry, 1.0).size.cast<double>());
+  try {
+    json["field_of_view_mm"] = io::list(fan_grid(geometry, 1.0).size.cast<double>());
+  } catch (const InputError& error) {  // it knows no file
+    throw InputError(path.string(), "'field_of_view_mm': " + error.violation());
+  }
   if (!volume.acquisition_time.empty()) json["acquisition_time"] = volume.acquisition_time;
   json["warnings"] = io::Json::array();
   io::describe_brightness(volume.voxels, json);
