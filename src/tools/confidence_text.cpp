@@ -51,8 +51,8 @@ std::string evidence(const Measures& m) {
               "initial pose that is closer") +
          line("agreement of parts", right->parts,
               text("halves of the field of view, registered alone, move the pose by %.1f and %.1f "
-                   "mm",
-                   *m.parts_mm, *m.ridge_parts_mm),
+                   "mm, %.2f times as far as they move a wrong pose",
+                   *m.parts_mm, *m.ridge_parts_mm, *m.parts_ratio),
               "check the geometry of the probe and the tracking, and acquire again during a breath "
               "hold and with little pressure");
 }

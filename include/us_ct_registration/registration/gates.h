@@ -49,6 +49,10 @@ struct Measures {
   /// of view), by patches almost without a ridge and by patches with one.
   std::optional<double> parts_mm;
   std::optional<double> ridge_parts_mm;
+  /// Those distances over the distances by which halves of mirrored ultrasound move its poses,
+  /// which are wrong: about 1 for a pose that is wrong as well (geometric mean of both kinds of
+  /// patches).
+  std::optional<double> parts_ratio;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.
   std::optional<double> wrong_probability;
@@ -94,8 +98,8 @@ std::optional<RightProbability> right_probability(const Measures& measures);
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails
 /// its gate.
 struct GateLimits {
-  std::optional<double> min_overlap = 0.2;             // [0, 1]
-  std::optional<double> max_wrong_probability = 0.25;  // [0, 1]
+  std::optional<double> min_overlap = 0.2;            // [0, 1]
+  std::optional<double> max_wrong_probability = 0.3;  // [0, 1]
 
   /// No gate at all, for studies that ask for poses without a judgement.
   static GateLimits none() { return {std::nullopt, std::nullopt}; }

@@ -106,16 +106,12 @@ constexpr auto words_of(EvidenceSource) {
       {{EvidenceSource::kOwn, "own"}, {EvidenceSource::kPatient, "patient"}}};
 }
 
-/// The search for mirrored ultrasound. It costs less than that for the ultrasound, since the height
-/// of the best optimum is needed, and not its exact place.
+/// The search for mirrored ultrasound. It differs from that for the ultrasound at the deciding
+/// level only: the height of the best optimum is needed, and not its exact place.
 struct DecoyOptions {
-  /// The samples of each patch that count, unless the search takes fewer.
-  SampleSubset samples = SampleSubset::kHalf;
-  /// Share of the starts, and of the candidates that the first level optimises; (0, 1].
-  double breadth = 0.5;
   /// Number of candidates that are optimised at the deciding level, if the search has more; >= 1.
-  int optimised = 1;
-  /// Factor on the step tolerances of the optimizers; >= 1.
+  int optimised = 2;
+  /// Factor on the step tolerance of that level's optimizer; >= 1.
   double tolerance_factor = 4.0;
 
   void validate(const std::string& source) const;

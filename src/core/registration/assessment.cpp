@@ -15,6 +15,9 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// Decoys whose halves move less than this are not compared with closer.
+constexpr double kLeastMotionMm = 0.5;
+
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t half = values.size() / 2;
@@ -22,9 +25,9 @@ double median(std::vector<double> values) {
 }
 
 /// How many times the similarity of another pose. It is limited, since the other may be next to 0.
-double times(double best, double other) {
+double times(const Candidate& best, double other) {
   constexpr double kMost = 100.0;
-  return other > 0.0 ? std::clamp(best / other, 0.0, kMost) : kMost;
+  return other > 0.0 ? std::clamp(best.value / other, 0.0, kMost) : kMost;
 }
 
 /// The points in the middle of the field of view, where the kidney is.
@@ -37,19 +40,11 @@ std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
 }
 
 /// The median distance by which halves of the field move a pose.
-double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
-                 const FieldPoints& field) {
+double motion_mm(const HalfPoses& halves, const MirroredPose& from, const FieldPoints& field) {
   std::vector<double> distances;
   for (const Eigen::Isometry3d& pose : halves.all())
-    distances.push_back(field.distance_mm(pose, T_us_ct));
+    distances.push_back(field.distance_mm(pose, from.T_us_ct));
   return median(distances);
-}
-
-std::vector<const Similarity*> pointers_to(
-    const std::vector<std::shared_ptr<const Similarity>>& similarities) {
-  std::vector<const Similarity*> pointers;
-  for (const auto& similarity : similarities) pointers.push_back(similarity.get());
-  return pointers;
 }
 
 /// Optima of the search of the evidence, where that differs from the search that found `refined`.
@@ -113,7 +108,7 @@ bool may_be_missed(const Assessment& assessment) {
 bool Assessor::parts_could_save(const Assessment& compared) const {
   const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
   Assessment best = compared;
-  best.measures.parts_mm = best.measures.ridge_parts_mm = 0.0;
+  best.measures.parts_mm = best.measures.ridge_parts_mm = best.measures.parts_ratio = 0.0;
   const std::optional<RightProbability> right = right_probability(best.measures);
   return !limit || !right || 1.0 - right->all() <= *limit || !may_be_missed(best);
 }
@@ -191,24 +186,16 @@ void Assessor::check_field(const EvidenceImages& on, const Candidate& refined,
 
 void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& best,
                                    const PatchComparison& patches, Assessment& result, Run& run) {
-  const DecoyOptions& options = options_.confidence.decoys;
-  const std::vector<std::shared_ptr<const Similarity>> similarities =
-      on.images.similarities_on(options.samples, on.problem.options.levels);
-  if (similarities.empty()) return;
-  if (!decoys_) {
-    SearchProblem problem = on.problem;
-    problem.similarities = pointers_to(similarities);
-    decoys_ = search_decoys(problem, best.T_us_ct, on.images.prepared.us->beams, options, run);
-  }
+  if (!decoys_)
+    decoys_ = search_decoys(on.problem, best.T_us_ct, on.images.prepared.us->beams,
+                            options_.confidence.decoys, run);
   if (decoys_->empty()) return;
-  std::vector<Candidate> found{{best.T_us_ct, best.errors}};
-  evaluate(*similarities.back(), found, run);
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
   const auto highest = std::max_element(values.begin(), values.end());
   result.best_mirror = (*decoys_)[static_cast<std::size_t>(highest - values.begin())].mirror;
-  result.measures.mirror_ratio = times(found.front().value, *highest);
-  result.measures.chance_ratio = times(found.front().value, median(values));
+  result.measures.mirror_ratio = times(best, *highest);
+  result.measures.chance_ratio = times(best, median(values));
   if (!patches.is_possible()) return;
   std::vector<double> advantages;
   for (const Decoy& decoy : *decoys_)
@@ -226,8 +213,7 @@ void Assessor::compare_with_rivals(const EvidenceImages& on, const std::vector<C
     if (rivals.size() < kRivals && on.images.prepared.field.distance_mm(
                                        other.T_us_ct, best.T_us_ct) > options_.confidence.rival_mm)
       rivals.push_back(&other);
-  measures.rival_ratio =
-      rivals.empty() ? measures.chance_ratio : times(best.value, rivals[0]->value);
+  measures.rival_ratio = rivals.empty() ? measures.chance_ratio : times(best, rivals[0]->value);
   measures.rival_advantage = measures.chance_advantage;
   if (rivals.empty() || !patches.is_possible()) return;
   double least = std::numeric_limits<double>::infinity();
@@ -240,17 +226,25 @@ void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined,
                              Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
   const FieldPoints& field = on.images.prepared.field;
+  std::vector<MirroredPose> poses{{refined.T_us_ct, Eigen::Isometry3d::Identity()}};
+  for (const Decoy& decoy : *decoys_) poses.push_back({decoy.best.T_us_ct, decoy.T_mirror});
   std::vector<HalfPoses> halves;
+  double ratios = 1.0;
   const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& moved_mm) {
-    const std::optional<HalfPoses> found = poses_of_halves(
-        *on.images.levels.back().images, similarity, confidence.parts, refined.T_us_ct, field, run);
-    if (!found) return;
-    moved_mm = motion_mm(*found, refined.T_us_ct, field);
-    halves.push_back(*found);
+    const std::vector<HalfPoses> found = poses_of_halves(
+        *on.images.levels.back().images, similarity, confidence.parts, poses, field, run);
+    if (found.empty()) return;
+    moved_mm = motion_mm(found[0], poses[0], field);
+    halves.push_back(found[0]);
+    std::vector<double> decoys_mm;
+    for (std::size_t i = 1; i < poses.size(); ++i)
+      decoys_mm.push_back(motion_mm(found[i], poses[i], field));
+    if (!decoys_mm.empty()) ratios *= *moved_mm / std::max(median(decoys_mm), kLeastMotionMm);
   };
   measure(confidence.similarity, result.measures.parts_mm);
   measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
   if (halves.empty()) return;
+  if (halves.size() == 2 && poses.size() > 1) result.measures.parts_ratio = std::sqrt(ratios);
   const ErrorOptions& error = confidence.error;
   result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error);
   const double expected_mm =

@@ -1,7 +1,6 @@
 #include "registration/decoys.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "us_ct_registration/geometry/angles.h"
 
@@ -12,16 +11,10 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-int share_of(int count, double share) {
-  return std::max(1, static_cast<int>(std::lround(share * count)));
-}
-
-/// The search of a decoy: fewer starts and climbs, which end sooner.
+/// The search of a decoy: as many starts, fewer climbs at the deciding level, and all climbs end
+/// sooner, since only the height of the best optimum counts.
 SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
   SearchOptions decoy = search;
-  if (decoy.starts) decoy.starts->count = share_of(decoy.starts->count, options.breadth);
-  int& first_level = decoy.levels.front().optimised;
-  first_level = share_of(first_level, options.breadth);
   for (LevelOptions& level : decoy.levels) {
     double& tolerance = level.optimizer.step_tolerance;
     // An optimizer's tolerance must stay below its first step.

@@ -223,16 +223,6 @@ std::vector<const Similarity*> ImagePyramid::similarities() const {
   return all;
 }
 
-std::vector<std::shared_ptr<const Similarity>> ImagePyramid::similarities_on(
-    SampleSubset samples, const std::vector<LevelOptions>& search) const {
-  std::vector<std::shared_ptr<const Similarity>> all;
-  for (std::size_t i = 0; i < levels.size(); ++i) {
-    all.push_back(make_similarity(*levels[i].images, on_samples(search[i].similarity, samples)));
-    if (!all.back()) return {};
-  }
-  return all;
-}
-
 Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& ct,
                               const Eigen::Isometry3d& T_us_ct_initial,
                               const RegistrationOptions& options, Run& run) {

@@ -58,10 +58,6 @@ struct ImagePyramid {
 
   const Similarity& deciding() const { return *levels.back().similarity; }
   std::vector<const Similarity*> similarities() const;
-  /// The similarities of `search`, the levels of this pyramid, on a subset of their samples. Empty
-  /// if one of them has no patch with structure there.
-  std::vector<std::shared_ptr<const Similarity>> similarities_on(
-      SampleSubset samples, const std::vector<LevelOptions>& search) const;
 };
 
 /// The first step of a registration. Refuses ultrasound without samples that count or vary, a CT

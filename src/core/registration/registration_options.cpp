@@ -130,7 +130,6 @@ void RefinementOptions::validate(const std::string& source) const {
 }
 
 void DecoyOptions::validate(const std::string& source) const {
-  require(breadth > 0.0 && breadth <= 1.0, source, "breadth", breadth, "within (0, 1]");
   require(optimised >= 1, source, "optimised", optimised, ">= 1");
   require(std::isfinite(tolerance_factor) && tolerance_factor >= 1.0, source, "tolerance_factor",
           tolerance_factor, "finite and >= 1");

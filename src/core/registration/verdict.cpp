@@ -54,8 +54,10 @@ std::string chance_words(const Measures& m) {
 
 std::string parts_words(const Measures& m) {
   return "parts of the ultrasound lead to different poses (halves of the field move it by " +
-         number(*m.parts_mm) + " and " + number(*m.ridge_parts_mm) +
-         " mm): the anatomy may be deformed, may have moved during the sweep, or may be another "
+         number(*m.parts_mm) + " and " + number(*m.ridge_parts_mm) + " mm, " +
+         number(*m.parts_ratio) +
+         " times as far as they move a pose that is wrong): the anatomy may be deformed, may have "
+         "moved during the sweep, or may be another "
          "patient's; check probe geometry and tracking, and acquire again during a breath hold";
 }
 

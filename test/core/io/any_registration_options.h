@@ -219,9 +219,7 @@ inline void randomise(GateLimits& o) {
   wrong_probability = maybe(0, 1);
 }
 inline void randomise(DecoyOptions& o) {
-  auto& [samples, breadth, optimised, tolerance_factor] = o;
-  samples = any_bool() ? SampleSubset::kHalf : SampleSubset::kAll;
-  breadth = between(0.01, 1);
+  auto& [optimised, tolerance_factor] = o;
   optimised = any_int(1, 100);
   tolerance_factor = between(1, 9);
 }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/similarity/patch_scenes.h"
+#include "registration/decoys.h"
 #include "registration/parts.h"
 #include "us_ct_registration/registration/registration.h"
 
@@ -11,6 +12,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using registration::FieldPoints;
 using registration::HalfPoses;
+using registration::MirroredPose;
 
 BeamGrid beams() { return downward_beams(24, 32, 28); }
 
@@ -48,8 +50,8 @@ FieldPoints field() {
   return FieldPoints(points);
 }
 
-/// The poses of the halves, from the identity, which lies between the poses of the images.
-std::optional<HalfPoses> halves_of(const BeamUltrasound& us) {
+/// The poses of the halves, from poses near those of the images.
+std::vector<HalfPoses> halves_of(const BeamUltrasound& us, const std::vector<MirroredPose>& from) {
   const SimilarityImages images(std::make_shared<const BeamUltrasound>(us),
                                 pack_ct(ct(), kWindow, kBackgroundHu), nullptr);
   LocalLc2Options similarity;
@@ -62,8 +64,14 @@ std::optional<HalfPoses> halves_of(const BeamUltrasound& us) {
   options.reach_mm = 10.0;
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return registration::poses_of_halves(images, similarity, options, Isometry3d::Identity(), field(),
-                                       run);
+  return registration::poses_of_halves(images, similarity, options, from, field(), run);
+}
+
+/// The poses of the halves, from the identity, which lies between the poses of the images.
+std::optional<HalfPoses> halves_of(const BeamUltrasound& us) {
+  const std::vector<HalfPoses> found = halves_of(us, {{}});
+  if (found.empty()) return std::nullopt;
+  return found.front();
 }
 
 constexpr double kFoundMm = 0.1;
@@ -102,6 +110,27 @@ TEST(Parts, HalvesHaveAsManyKnownSamples) {
   ASSERT_TRUE(halves);
   EXPECT_LT(field().distance_mm(halves->left, kOne), kFoundMm);
   EXPECT_LT(field().distance_mm(halves->right, kOther), kFoundMm);
+}
+
+/// Lines in reverse order, mirrored again, are the ultrasound as it was; its halves change places.
+TEST(Parts, HalvesOfMirroredUltrasoundFindItsPoses) {
+  const BeamUltrasound us = seen([](int, int line) { return line < 16 ? kOne : kOther; });
+  BeamUltrasound reversed = us;
+  for (int f = 0; f < us.beams.frames; ++f)
+    for (int l = 0; l < us.beams.lines; ++l)
+      for (int s = 0; s < us.beams.samples(); ++s)
+        reversed.brightness[offset_of(us.beams, s, l, f)] =
+            us.brightness[offset_of(us.beams, s, us.beams.lines - 1 - l, f)];
+  const Vector3d middle =
+      0.5 * (us.beams.point(0, 0, 0) + us.beams.point(0, us.beams.lines - 1, 0));
+  const MirroredPose mirrored{Isometry3d::Identity(),
+                              registration::mirror_of(Mirror::kLines, us.beams, middle)};
+  const std::vector<HalfPoses> found = halves_of(reversed, {mirrored, mirrored});
+  ASSERT_EQ(found.size(), 2U);
+  for (const HalfPoses& halves : found) {
+    EXPECT_LT(field().distance_mm(halves.right, kOne), kFoundMm);
+    EXPECT_LT(field().distance_mm(halves.left, kOther), kFoundMm);
+  }
 }
 
 TEST(Parts, AHalfWithoutStructureSaysNothing) {

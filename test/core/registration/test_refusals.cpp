@@ -234,8 +234,6 @@ TEST(Refusals, InvalidOptionsOfTheEvidence) {
   expect_error([](Confidence& o) { o.cluster_mm = 0.0; }, {"o.confidence", "'cluster_mm' is 0"});
   expect_error([](Confidence& o) { o.decoys.optimised = 0; },
                {"o.confidence.decoys", "'optimised' is 0"});
-  expect_error([](Confidence& o) { o.decoys.breadth = 0.0; },
-               {"o.confidence.decoys", "'breadth' is 0"});
   expect_error([](Confidence& o) { o.decoys.tolerance_factor = 0.5; },
                {"o.confidence.decoys", "'tolerance_factor' is 0.5"});
   expect_error([](Confidence& o) { o.parts.reach_mm = 0.1; },

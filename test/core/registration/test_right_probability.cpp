@@ -27,6 +27,7 @@ const std::vector<Evidence>& evidence() {
       {&Measures::rival_ratio, true, 0.1, 5.0},
       {&Measures::parts_mm, false, 0.01, 40.0},
       {&Measures::ridge_parts_mm, false, 0.01, 40.0},
+      {&Measures::parts_ratio, false, 0.01, 5.0},
       {&Measures::rival_advantage, true, -9.0, 9.0},
   };
   return all;
@@ -70,6 +71,7 @@ Measures middling() {
   measures.mirror_advantage = 1.0;
   measures.rival_advantage = 3.0;
   measures.parts_mm = measures.ridge_parts_mm = 2.0;
+  measures.parts_ratio = 0.7;
   return measures;
 }
 
@@ -115,7 +117,7 @@ TEST(RightProbability, EachKindRefusesAlone) {
   Measures strong = middling();
   strong.mirror_ratio = strong.rival_ratio = 5.0;
   strong.mirror_advantage = strong.rival_advantage = 9.0;
-  strong.parts_mm = strong.ridge_parts_mm = 0.1;
+  strong.parts_mm = strong.ridge_parts_mm = strong.parts_ratio = 0.1;
   strong.displacement_mm = 0.0;
   EXPECT_TRUE(is_accepted(strong));
   Measures mirrored = strong;
@@ -128,6 +130,7 @@ TEST(RightProbability, EachKindRefusesAlone) {
   EXPECT_FALSE(is_accepted(by_chance));
   Measures torn = strong;
   torn.parts_mm = torn.ridge_parts_mm = 10.0;
+  torn.parts_ratio = 1.1;
   EXPECT_FALSE(is_accepted(torn));
 }
 
@@ -141,6 +144,7 @@ TEST(RightProbability, AFarPoseNeedsStrongerEvidence) {
   measures.mirror_ratio = measures.rival_ratio = 3.0;
   measures.mirror_advantage = measures.rival_advantage = 6.0;
   measures.parts_mm = measures.ridge_parts_mm = 0.5;
+  measures.parts_ratio = 0.3;
   EXPECT_GT(right_probability(measures)->all(), 0.9);
 }
 

@@ -21,6 +21,7 @@ Assessment strong() {
   m.mirror_ratio = m.chance_ratio = m.rival_ratio = 2.0;
   m.mirror_advantage = m.chance_advantage = m.rival_advantage = 5.0;
   m.parts_mm = m.ridge_parts_mm = 0.5;
+  m.parts_ratio = 0.2;
   assessment.best_mirror = Mirror::kLines;
   return assessment;
 }
@@ -45,6 +46,7 @@ Assessment torn() {
   Assessment assessment = strong();
   assessment.measures.parts_mm = 7.0;
   assessment.measures.ridge_parts_mm = 9.0;
+  assessment.measures.parts_ratio = 1.1;
   return assessment;
 }
 
@@ -122,6 +124,7 @@ TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
 
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
   Assessment assessment = mirrored(Mirror::kLines, 0.7, -9.0);
+  assessment.measures.parts_ratio = 0.9;
   expect_named(assessment, {"lines in reverse order"});
 }
 

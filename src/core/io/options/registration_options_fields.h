@@ -206,8 +206,6 @@ void describe(Fields& fields, RefinementOptions& o) {
 
 template <typename Fields>
 void describe(Fields& fields, DecoyOptions& o) {
-  fields("samples", o.samples);
-  fields("breadth", o.breadth);
   fields("optimised", o.optimised);
   fields("tolerance_factor", o.tolerance_factor);
 }
