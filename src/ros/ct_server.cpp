@@ -12,7 +12,6 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/subgrid.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
-#include "us_ct_registration/rendering/surface_labels.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -61,8 +60,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   const std::string data_root = parameters.text("data_root", "");
   ct_frame_ = parameters.frame("ct_frame", "ct");
   dicom_options_.resample_irregular = parameters.flag("resample_irregular", false);
-  label_names_ = parse_label_names(parameters.text("label_names", ""),
-                                   private_node.resolveName("label_names"));
+  const std::string label_table = parameters.text("label_table", "");
   surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
   surface_triangles_ =
       static_cast<std::size_t>(parameters.whole("surface_triangles", 50000, 1000, 2000000));
@@ -73,6 +71,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
     throw InputError(private_node.resolveName("ct_frame"), "is empty, must name a frame");
   if (path.empty() && !labels.empty())
     throw InputError(private_node.resolveName("labels"), "is set, but 'path' is not");
+  if (!label_table.empty()) label_table_ = read_label_table(label_table);
   if (!data_root.empty()) data_root_.emplace(data_root, private_node.resolveName("data_root"));
 
   info_publisher_ = node_.advertise<msg::CtInfo>("ct/info", 1, true);
@@ -199,7 +198,7 @@ void CtServer::hold(const Loaded& loaded) {
   info.format = loaded.ct.format;
   if (loaded.has_labels)
     for (const auto& [label, surface] : loaded.surfaces)
-      info.labels.push_back(label_text(label, label_names_));
+      info.labels.push_back(label_text(label, label_table_));
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     volume_ = volume;
@@ -210,9 +209,9 @@ void CtServer::hold(const Loaded& loaded) {
   // The summary is sent first, so that tf_publisher knows the CT before it gets a result for it.
   info_publisher_.publish(info);
   volume_publisher_.publish(volume);
-  std::map<int, std::string> names = label_names_;
-  if (!loaded.has_labels) names = {{0, "surface"}};
-  surface_publisher_.publish(to_markers(loaded.surfaces, names, ct_frame_));
+  const LabelTable no_labels{{0, {"surface", std::nullopt}}};
+  surface_publisher_.publish(
+      to_markers(loaded.surfaces, loaded.has_labels ? label_table_ : no_labels, ct_frame_));
   points_publisher_.publish(to_points(loaded.surfaces, ct_frame_));
 }
 

@@ -17,6 +17,7 @@
 #include "ros/data_root.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/volumes/label_table.h"
 #include "us_ct_registration/rendering/surface.h"
 
 namespace usct::ros_interface {
@@ -58,7 +59,7 @@ class CtServer {
   std::string ct_frame_;
   std::optional<DataRoot> data_root_;
   DicomReadOptions dicom_options_;
-  std::map<int, std::string> label_names_;
+  LabelTable label_table_;
   double surface_hu_ = 0.0;
   std::size_t surface_triangles_ = 0;
 

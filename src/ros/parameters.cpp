@@ -114,6 +114,25 @@ std::vector<double> Parameters::numbers(const std::string& key, std::size_t coun
   return found;
 }
 
+std::map<std::string, std::map<std::string, XmlRpcValue>> Parameters::groups(
+    const std::string& key) {
+  known_groups_.insert(key);
+  XmlRpcValue value;
+  if (!find(key, value)) return {};
+  std::map<std::string, std::map<std::string, XmlRpcValue>> found;
+  const auto require_map = [this](XmlRpcValue& map, const std::string& path) {
+    if (map.getType() != XmlRpcValue::TypeStruct)
+      throw InputError(name(path), "is " + shown(map) + ", must be a map");
+  };
+  require_map(value, key);
+  for (auto& [group, members] : value) {
+    require_map(members, key + "/" + group);
+    for (auto& [member, one] : members) found[group][member] = one;
+    found[group];
+  }
+  return found;
+}
+
 std::string Parameters::frame(const std::string& key, const std::string& fallback) {
   const std::string found = text(key, fallback);
   if (!found.empty() && found.front() == '/')
@@ -135,7 +154,7 @@ void Parameters::finish() const {
   for (const std::string& full : names) {
     if (full.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string key = full.substr(prefix.size());
-    if (known_.count(key) > 0) continue;
+    if (known_.count(key) > 0 || known_groups_.count(key.substr(0, key.find('/'))) > 0) continue;
     std::string all;
     for (const std::string& known : known_) all += (all.empty() ? "" : ", ") + known;
     throw InputError(full, "is not a parameter of this node; it has: " + all);

@@ -3,6 +3,7 @@
 #include <ros/node_handle.h>
 
 #include <limits>
+#include <map>
 #include <set>
 #include <string>
 
@@ -28,6 +29,10 @@ class Parameters {
   /// A list of exactly `count` numbers; empty if the key is not set.
   std::vector<double> numbers(const std::string& key, std::size_t count);
 
+  /// A map of maps, such as `{tumour: {band: true}}`: the values by the names of both; empty if the
+  /// key is not set. Its keys are not checked here.
+  std::map<std::string, std::map<std::string, XmlRpc::XmlRpcValue>> groups(const std::string& key);
+
   /// Name of a tf frame, or an empty text. tf2 knows no names with a leading slash.
   std::string frame(const std::string& key, const std::string& fallback);
 
@@ -40,6 +45,7 @@ class Parameters {
 
   ::ros::NodeHandle node_;
   std::set<std::string> known_;
+  std::set<std::string> known_groups_;
 };
 
 /// The parameter `diagnostic_period`, which diagnostic_updater reads as well, s.

@@ -135,6 +135,12 @@ class CtServer(unittest.TestCase):
         self.processes.append(process)
         return process
 
+    def label_table(self):
+        path = self.folder.name + "/labels.yaml"
+        with open(path, "w") as stream:
+            stream.write(f"{LABEL}: {{name: left kidney, colour: [0.5, 0.25, 1.0]}}\n")
+        return path
+
     def load(self, path, labels=""):
         return call(self.namespace + "/ct/load", LoadCt, path, labels)
 
@@ -159,7 +165,7 @@ class CtServer(unittest.TestCase):
         self.assertEqual(message.crc32, zlib.crc32(voxels.tobytes()))
 
     def check_load(self, **parameters):
-        self.start(data_root=self.root, ct_frame="patient_ct", label_names=f"{LABEL} left kidney", **parameters)
+        self.start(data_root=self.root, ct_frame="patient_ct", label_table=self.label_table(), **parameters)
         self.assertEqual(self.get().status.code, StatusCode.NO_CT)
         answer = self.load("ct.nrrd", "labels.nrrd")
         self.assertEqual(answer.status.code, StatusCode.OK, answer.status.message)
@@ -183,6 +189,7 @@ class CtServer(unittest.TestCase):
         self.assertEqual([m.action for m in array.markers], [Marker.DELETEALL, Marker.ADD])
         marker = array.markers[1]
         self.assertEqual((marker.type, marker.id, marker.ns), (Marker.TRIANGLE_LIST, LABEL, f"{LABEL} left kidney"))
+        self.assertEqual((marker.color.r, marker.color.g, marker.color.b), (0.5, 0.25, 1.0))
         self.assertEqual((marker.header.frame_id, marker.header.stamp), ("patient_ct", rospy.Time(0)))
         points_mm = 1000 * numpy.array([(p.x, p.y, p.z) for p in marker.points])
         radius_mm = numpy.linalg.norm(points_mm - CENTRE_MM, axis=1)
@@ -480,7 +487,7 @@ class CtServer(unittest.TestCase):
         for key, value, constraint in (("pth", "x", "is not a parameter"),
                                        ("data_root", self.root + "/missing", "must be the whole path of a folder"),
                                        ("labels", "labels.nrrd", "'path' is not"),
-                                       ("label_names", "kidney", "must be a number"),
+                                       ("label_table", self.root + "/missing.yaml", "missing.yaml"),
                                        ("surface_triangles", 3, "must be in"),
                                        ("decimation", 0, "must be in"),
                                        ("roi", [0, 0, 0, 0.1, 0.1, 0], "differ along each axis"),

@@ -41,4 +41,8 @@ Picture tile(const std::vector<std::vector<Picture>>& rows);
 /// Writes atomically. Throws InputError if the path does not end in .png or cannot be written.
 void write_png(const Picture& picture, const std::filesystem::path& path);
 
+/// Reads a PNG of any kind; transparent pixels are laid over black. Throws InputError, naming the
+/// path, if it is not one or has more than 100 million pixels.
+Picture read_png(const std::filesystem::path& path);
+
 }  // namespace usct

@@ -83,4 +83,24 @@ void write_png(const Picture& picture, const std::filesystem::path& path) {
   });
 }
 
+Picture read_png(const std::filesystem::path& path) {
+  constexpr std::uint64_t kMostPixels = 100000000;
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  const auto refuse = [&](const std::string& why) {
+    png_image_free(&image);
+    throw InputError(path.string(), "the picture cannot be read: " + why);
+  };
+  if (png_image_begin_read_from_file(&image, path.c_str()) == 0) refuse(image.message);
+  if (std::uint64_t{image.width} * image.height > kMostPixels)
+    refuse(std::to_string(image.width) + " x " + std::to_string(image.height) +
+           " pixels, must be at most " + std::to_string(kMostPixels));
+  image.format = PNG_FORMAT_RGB;
+  Picture picture(static_cast<int>(image.width), static_cast<int>(image.height));
+  const png_color black{0, 0, 0};
+  if (png_image_finish_read(&image, &black, picture.pixels.data(), 0, nullptr) == 0)
+    refuse(image.message);
+  return picture;
+}
+
 }  // namespace usct

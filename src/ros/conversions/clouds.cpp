@@ -4,7 +4,6 @@
 
 #include "ros/conversions/poses.h"
 #include "us_ct_registration/rendering/result_marks.h"
-#include "us_ct_registration/rendering/surface_labels.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -24,17 +23,17 @@ Marker deletes_all() {
   return marker;
 }
 
-Marker to_marker(int label, const Surface& surface, const std::string& name,
+Marker to_marker(int label, const Surface& surface, const LabelTable& labels,
                  const std::string& frame) {
   Marker marker;
   marker.header.frame_id = frame;
-  marker.ns = name;
+  marker.ns = label_text(label, labels);
   marker.id = label;
   marker.type = Marker::TRIANGLE_LIST;
   marker.action = Marker::ADD;
   marker.pose.orientation.w = 1.0;
   marker.scale.x = marker.scale.y = marker.scale.z = 1.0;
-  const auto [red, green, blue] = label_colour(label);
+  const auto [red, green, blue] = label_colour(label, labels);
   marker.color.r = red;
   marker.color.g = green;
   marker.color.b = blue;
@@ -152,13 +151,13 @@ sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
   return cloud;
 }
 
-MarkerArray to_markers(const std::map<int, Surface>& surfaces,
-                       const std::map<int, std::string>& names, const std::string& frame) {
+MarkerArray to_markers(const std::map<int, Surface>& surfaces, const LabelTable& labels,
+                       const std::string& frame) {
   MarkerArray array;
   array.markers.push_back(deletes_all());
   array.markers.front().header.frame_id = frame;
   for (const auto& [label, surface] : surfaces)
-    array.markers.push_back(to_marker(label, surface, label_text(label, names), frame));
+    array.markers.push_back(to_marker(label, surface, labels, frame));
   return array;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/io/volumes/label_table.h"
 #include "us_ct_registration/rendering/point_clouds.h"
 #include "us_ct_registration/rendering/surface.h"
 
@@ -25,10 +26,9 @@ sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
                                    const std::string& frame);
 
 /// A marker that deletes those of the previous CT, then a TRIANGLE_LIST per surface, with the label
-/// as its id and the name as its namespace. The stamp is 0, as for `to_points`.
+/// as its id, and name and colour of the table. The stamp is 0, as for `to_points`.
 visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
-                                           const std::map<int, std::string>& names,
-                                           const std::string& frame);
+                                           const LabelTable& labels, const std::string& frame);
 
 /// The markers of the CT's surfaces, transformed to another frame so that tf is not needed, with
 /// opacity `alpha`. If the pose is not known, a marker that deletes all others.

@@ -21,7 +21,7 @@ std::map<int, Surface> two_surfaces() {
 }
 
 TEST(CtSurface, MarkersReplaceThoseBeforeAndAreInMetres) {
-  const auto array = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  const auto array = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
   ASSERT_EQ(array.markers.size(), 3U);
   EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
   const Marker& kidney = array.markers[1];
@@ -74,7 +74,7 @@ TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
 }
 
 TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
-  const auto surfaces = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
   const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
   const std::string reason =
       "the ultrasound fits the CT better with its lines in reverse order: check which way round "

@@ -1,0 +1,225 @@
+#include "us_ct_registration/rendering/overlay.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "rendering/depth_layer.h"
+#include "rendering/overlay_contours.h"
+#include "require.h"
+
+namespace usct {
+namespace {
+
+using rendering::DepthLayer;
+using rendering::Marks;
+using rendering::OutlinePixel;
+using rendering::Span;
+
+using Outlines = std::vector<std::vector<OutlinePixel>>;
+
+/// Outlines of structures with a band are followed this far beyond the image, pixels, because the
+/// band of what is drawn there may reach into it.
+constexpr int kMarginPx = 160;
+/// Weight of a colour that hides what was there.
+constexpr std::uint16_t kOpaque = 256;
+
+Picture::Colour in_order(const ImageView& image, const Picture::Colour& rgb) {
+  return image.is_bgr ? Picture::Colour(rgb[2], rgb[1], rgb[0]) : rgb;
+}
+
+/// Mixes a colour into pixels; a weight is in [0, kOpaque].
+void blend_into(std::uint8_t* pixels, const std::uint16_t* weights, int count,
+                const Picture::Colour& colour) {
+  // In registers: the compiler cannot know that pixels and colour do not overlap.
+  const unsigned first = colour[0];
+  const unsigned second = colour[1];
+  const unsigned third = colour[2];
+  for (int i = 0; i < count; ++i) {
+    const unsigned weight = weights[i];
+    if (weight == 0) continue;
+    const unsigned rest = kOpaque - weight;
+    std::uint8_t* const pixel = pixels + 3 * i;
+    pixel[0] = static_cast<std::uint8_t>((pixel[0] * rest + first * weight) >> 8);
+    pixel[1] = static_cast<std::uint8_t>((pixel[1] * rest + second * weight) >> 8);
+    pixel[2] = static_cast<std::uint8_t>((pixel[2] * rest + third * weight) >> 8);
+  }
+}
+
+Span within(Span span, int width) {
+  return {std::clamp(span.begin, 0, width), std::clamp(span.end, 0, width)};
+}
+
+/// Mixes a colour into an image where it is marked, at most with the opacity.
+void blend_marks(const ImageView& image, const Marks& marks, const Picture::Colour& colour,
+                 double opacity, std::vector<std::uint16_t>& weights) {
+  const auto most = static_cast<unsigned>(std::lround(kOpaque * opacity));
+  weights.resize(static_cast<std::size_t>(image.width));
+  for (int y = 0; y < image.height; ++y) {
+    const Span span = marks.span(y);
+    const std::uint8_t* const marked = marks.row(y);
+    for (int x = span.begin; x < span.end; ++x)
+      weights[static_cast<std::size_t>(x)] =
+          static_cast<std::uint16_t>((marked[x] * most + 127U) / 255U);
+    blend_into(image.row(y) + 3 * span.begin, weights.data() + span.begin, span.end - span.begin,
+               colour);
+  }
+}
+
+/// The letters grow with the image: a scale of 0.9 at 1080 rows.
+double letter_scale(const ImageView& image) {
+  constexpr double kPerHeight = 1.0 / 1200.0;
+  constexpr double kLeast = 0.35;
+  return std::max(kLeast, kPerHeight * image.height);
+}
+
+}  // namespace
+
+/// What is kept from one image to the next.
+struct OverlayRenderer::Buffers {
+  std::vector<DepthLayer> layers;  // one per structure
+  Marks marks;
+  std::vector<float> front;  // of one row: 1 / z of the first surface
+  std::vector<std::uint16_t> weights;
+
+  /// 1 / z of the first surface at a pixel.
+  float front_at(int x, int y, std::size_t structures) const {
+    float nearest = 0.0F;
+    for (std::size_t i = 0; i < structures; ++i) {
+      const DepthLayer& layer = layers[i];
+      const int margin = layer.margin();
+      if (x >= -margin && x < layer.width() + margin && y >= -margin && y < layer.height() + margin)
+        nearest = std::max(nearest, layer.at(x, y));
+    }
+    return nearest;
+  }
+
+  void find_front(int y, int width, std::size_t structures) {
+    front.assign(static_cast<std::size_t>(width), 0.0F);
+    for (std::size_t i = 0; i < structures; ++i) {
+      const Span span = within(layers[i].span(y), width);
+      const float* const from = layers[i].row(y);
+      for (int x = span.begin; x < span.end; ++x)
+        front[static_cast<std::size_t>(x)] = std::max(front[static_cast<std::size_t>(x)], from[x]);
+    }
+  }
+
+  /// Fills one structure in a row, and returns how many pixels it covers. Its depth behind the
+  /// first surface is d = 1/v - 1/f, and its weight falls as s / (s + d).
+  std::size_t fill_row(const ImageView& image, int y, const DepthLayer& layer,
+                       const OverlayStructure& structure, double hidden_depth_mm) {
+    const Span span = within(layer.span(y), image.width);
+    const float* const inverse = layer.row(y);
+    const auto s = static_cast<float>(hidden_depth_mm);
+    const auto most = static_cast<float>(kOpaque * structure.opacity);
+    weights.resize(static_cast<std::size_t>(image.width));
+    std::uint16_t* const weight = weights.data();
+    const float* const first = front.data();
+    int covered = 0;
+    for (int x = span.begin; x < span.end; ++x) {
+      const float v = inverse[x];
+      const float f = first[x];
+      constexpr float kTiny = 1e-30F;  // nothing is divided by 0 where nothing is covered
+      weight[x] = static_cast<std::uint16_t>(most * (s * f * v) / (s * f * v + (f - v) + kTiny));
+      covered += v > 0.0F ? 1 : 0;
+    }
+    blend_into(image.row(y) + 3 * span.begin, weight + span.begin, span.end - span.begin,
+               in_order(image, structure.colour));
+    return static_cast<std::size_t>(covered);
+  }
+
+  void mark_outlines(const Outlines& outlines, double width_px, std::size_t structures) {
+    constexpr std::size_t kDashPx = 9;
+    constexpr float kHiddenMm = 1.0F;  // a surface that lies this far behind another is hidden
+    for (const std::vector<OutlinePixel>& outline : outlines)
+      for (std::size_t i = 0; i < outline.size(); ++i) {
+        const OutlinePixel& at = outline[i];
+        const bool is_gap = (i / kDashPx) % 2 == 1;
+        if (is_gap && 1.0F / at.inverse_depth - 1.0F / front_at(at.x, at.y, structures) > kHiddenMm)
+          continue;
+        marks.add_dot(at.x, at.y, 0.5 * width_px);
+      }
+  }
+};
+
+void OverlayOptions::validate(const std::string& source) const {
+  require_positive(source, "outline_px", outline_px);
+  require_positive(source, "hidden_depth_mm", hidden_depth_mm);
+  require_within(source, "band_opacity", band_opacity, 0.0, 1.0);
+}
+
+OverlayRenderer::OverlayRenderer(const OverlayOptions& options)
+    : options_(options), buffers_(std::make_unique<Buffers>()) {
+  options_.validate("overlay");
+}
+OverlayRenderer::~OverlayRenderer() = default;
+OverlayRenderer::OverlayRenderer(OverlayRenderer&&) noexcept = default;
+OverlayRenderer& OverlayRenderer::operator=(OverlayRenderer&&) noexcept = default;
+
+OverlayCoverage OverlayRenderer::draw(const ImageView& image, const Camera& camera,
+                                      const Eigen::Isometry3d& T_camera_ct,
+                                      const std::vector<OverlayStructure>& structures) {
+  const CameraIntrinsics& size = camera.intrinsics();
+  require(image.width == size.width, "image", "width", image.width,
+          "that of the camera, " + std::to_string(size.width));
+  require(image.height == size.height, "image", "height", image.height,
+          "that of the camera, " + std::to_string(size.height));
+  Buffers& b = *buffers_;
+  const std::size_t count = structures.size();
+  if (b.layers.size() < count) b.layers.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    b.layers[i].reset(image.width, image.height, structures[i].bound_mm ? kMarginPx : 0);
+    b.layers[i].draw(*structures[i].surface, camera, T_camera_ct, kNearestMm, kLongestEdgePx);
+  }
+  OverlayCoverage coverage(count, 0);
+  for (int y = 0; y < image.height; ++y) {
+    b.find_front(y, image.width, count);
+    for (std::size_t i = 0; i < count; ++i)
+      coverage[i] += b.fill_row(image, y, b.layers[i], structures[i], options_.hidden_depth_mm);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const Outlines outlines = outlines_of(b.layers[i]);
+    if (structures[i].bound_mm) {
+      b.marks.reset(image.width, image.height);
+      rendering::mark_band(outlines, camera, structures[i], b.marks);
+      blend_marks(image, b.marks, in_order(image, options_.band_colour), options_.band_opacity,
+                  b.weights);
+    }
+    b.marks.reset(image.width, image.height);
+    b.mark_outlines(outlines, options_.outline_px, count);
+    blend_marks(image, b.marks, in_order(image, structures[i].colour), 1.0, b.weights);
+  }
+  return coverage;
+}
+
+ImageView view_of(Picture& picture) {
+  return {picture.pixels.data(), picture.width, picture.height,
+          3 * static_cast<std::ptrdiff_t>(picture.width), false};
+}
+
+std::size_t letters_per_line(const ImageView& image) {
+  constexpr double kLetterPx = 18.0;  // at a scale of 1
+  return static_cast<std::size_t>(
+      std::max(10.0, image.width / (kLetterPx * letter_scale(image)) - 2.0));
+}
+
+void draw_line(const ImageView& image, const std::string& text, int line,
+               const Picture::Colour& colour) {
+  const double scale = letter_scale(image);
+  const int height = static_cast<int>(std::lround(34.0 * scale));
+  const int top = line >= 0 ? line * height : image.height + line * height;
+  if (top < 0 || top + height > image.height) return;
+  cv::Mat mat(image.height, image.width, CV_8UC3, image.pixels,
+              static_cast<std::size_t>(image.row_bytes));
+  const int thickness = std::max(1, static_cast<int>(std::lround(1.6 * scale)));
+  const int width =
+      cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, scale, thickness, nullptr).width + height;
+  cv::Mat strip = mat(cv::Rect(0, top, std::min(width, image.width), height));
+  strip.convertTo(strip, -1, 0.3);
+  const Picture::Colour ink = in_order(image, colour);
+  cv::putText(mat, text, {height / 2, top + static_cast<int>(std::lround(25.0 * scale))},
+              cv::FONT_HERSHEY_SIMPLEX, scale, {double(ink[0]), double(ink[1]), double(ink[2])},
+              thickness, cv::LINE_AA);
+}
+
+}  // namespace usct

@@ -1,0 +1,64 @@
+#include "ros/overlay/overlay_placement.h"
+
+#include <us_ct_registration/StatusCode.h>
+
+#include <chrono>
+#include <thread>
+
+#include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
+#include "ros/refusal.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Status = us_ct_registration::StatusCode;
+
+void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
+                        const std::string& source, const ::ros::Time& stamp, double timeout_s) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::milliseconds kPause(1);
+  const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
+  std::string why;
+  while (!tf.canTransform(target, source, stamp, &why)) {
+    if (Clock::now() >= end)
+      throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
+                                                "' at the image's stamp " + seconds_text(stamp) +
+                                                ": " + why);
+    std::this_thread::sleep_for(kPause);
+  }
+}
+
+Eigen::Isometry3d look_up(const tf2::BufferCore& tf, const std::string& target,
+                          const std::string& source, const ::ros::Time& stamp) {
+  return from_message_mm(tf.lookupTransform(target, source, stamp).transform, "tf");
+}
+
+}  // namespace
+
+Eigen::Isometry3d T_camera_ct_at(const tf2::BufferCore& tf, const OverlayScene& scene,
+                                 const std::string& camera_frame, const ::ros::Time& stamp,
+                                 const ::ros::Time& now, double timeout_s) try {
+  constexpr double kSameMm = 1e-3;
+  constexpr double kSameRad = 1e-6;
+  if (stamp.isZero()) throw Refusal(Status::INVALID_MESSAGE, "the image has no stamp");
+  if (camera_frame.empty()) throw Refusal(Status::INVALID_MESSAGE, "the image has no frame_id");
+  require_not_ahead(stamp, now, "the image", "header.stamp");
+  wait_for_transform(tf, camera_frame, scene.ct_frame, stamp, timeout_s);
+  const Eigen::Isometry3d T_fixed_ct = look_up(tf, scene.fixed_frame, scene.ct_frame, stamp);
+  const Eigen::Isometry3d difference = scene.T_fixed_ct.inverse() * T_fixed_ct;
+  if (difference.translation().norm() > kSameMm ||
+      Eigen::AngleAxisd(difference.linear()).angle() > kSameRad)
+    throw Refusal(Status::TF_STALE, "at the image's stamp " + seconds_text(stamp) +
+                                        " tf has the CT where another alignment has it");
+  return look_up(tf, camera_frame, scene.fixed_frame, stamp) * T_fixed_ct;
+} catch (const Refusal&) {
+  throw;
+} catch (const InputError& error) {
+  throw Refusal(Status::INVALID_MESSAGE, error.what());
+} catch (const std::exception& error) {
+  throw Refusal(Status::TF_UNAVAILABLE, error.what());
+}
+
+}  // namespace usct::ros_interface

@@ -1,0 +1,139 @@
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "ros/conversions/clouds.h"
+#include "ros/overlay/newest_slot.h"
+#include "ros/overlay/overlay_scene.h"
+
+namespace usct::ros_interface {
+namespace {
+
+namespace msg = us_ct_registration;
+
+Surface tetrahedron() {
+  Surface surface;
+  surface.points_mm = {{0, 0, 0}, {10, 0, 0}, {0, 10, 0}, {0, 0, 10}};
+  surface.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  return surface;
+}
+
+msg::Alignment accepted() {
+  msg::Alignment alignment;
+  alignment.state = msg::Alignment::ACCEPTED;
+  alignment.header.frame_id = "patient";
+  alignment.header.stamp = ::ros::Time(1000);
+  alignment.ct_frame = "ct";
+  alignment.transform.rotation.w = 1.0;
+  alignment.transform.translation.x = 0.25;
+  alignment.result_id = 5;
+  alignment.ct_crc32 = 77;
+  alignment.expected_error = 0.002;
+  return alignment;
+}
+
+OverlaySceneOptions with_band() {
+  OverlaySceneOptions options;
+  options.styles["tumour"].has_band = true;
+  options.styles["vein"].is_visible = false;
+  return options;
+}
+
+/// A keeper of three structures and an accepted alignment.
+struct Kept {
+  OverlaySceneKeeper keeper{with_band()};
+  Kept() {
+    keeper.take_surface(
+        to_markers({{1, tetrahedron()}, {2, tetrahedron()}, {3, tetrahedron()}},
+                   {{1, {"left kidney", {}}}, {2, {"tumour", {}}}, {3, {"vein", {}}}}, "ct"));
+    msg::CtInfo info;
+    info.crc32 = 77;
+    keeper.take_info(info);
+    keeper.take_alignment(accepted());
+  }
+};
+
+TEST(OverlayScene, HasTheVisibleStructuresWhereTheAlignmentHasThem) {
+  const Kept kept;
+  const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
+  EXPECT_EQ(scene.refusal, "");
+  EXPECT_TRUE(scene.warnings.empty());
+  EXPECT_EQ(scene.fixed_frame, "patient");
+  EXPECT_EQ(scene.T_fixed_ct.translation().x(), 250.0);
+  EXPECT_DOUBLE_EQ(scene.age_s, 60.0);
+  ASSERT_EQ(scene.structures.size(), 2U);
+  EXPECT_EQ(scene.structures[0].name, "left kidney");
+  EXPECT_FALSE(scene.structures[0].bound_mm);
+  // Without a covariance: 1.25 times the expected error.
+  EXPECT_DOUBLE_EQ(scene.structures[1].bound_mm.value(), 2.5);
+  // Corners that triangles share are one point, in millimetres.
+  EXPECT_EQ(scene.structures[0].surface->points_mm.size(), 4U);
+  EXPECT_EQ(scene.structures[0].surface->triangles.size(), 4U);
+  EXPECT_EQ(scene.structures[0].surface->points_mm[1].cwiseAbs().maxCoeff(), 10.0);
+  EXPECT_EQ(kept.keeper.misnamed(), "");
+}
+
+TEST(OverlayScene, IsOutdatedByEveryChangeOfTheAlignment) {
+  Kept kept;
+  const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
+  EXPECT_TRUE(kept.keeper.is_current(scene));
+  msg::Alignment other = accepted();
+  other.result_id = 6;
+  kept.keeper.take_alignment(other);
+  EXPECT_FALSE(kept.keeper.is_current(scene));
+  other = accepted();
+  other.transform.translation.x = 0.2501;
+  kept.keeper.take_alignment(other);
+  EXPECT_FALSE(kept.keeper.is_current(scene));
+  other = accepted();
+  other.waiting_id = 9;  // another result waits; this one still counts
+  kept.keeper.take_alignment(other);
+  EXPECT_TRUE(kept.keeper.is_current(scene));
+  kept.keeper.take_alignment({});
+  EXPECT_FALSE(kept.keeper.is_current(scene));
+  kept.keeper.take_alignment(accepted());
+  kept.keeper.take_info({});
+  EXPECT_FALSE(kept.keeper.is_current(scene));
+}
+
+TEST(OverlayScene, APoseThatIsNotRigidIsRefused) {
+  Kept kept;
+  msg::Alignment broken = accepted();
+  broken.transform.rotation.w = 0.5;
+  kept.keeper.take_alignment(broken);
+  EXPECT_NE(kept.keeper.at(::ros::Time(1060)).refusal, "");
+}
+
+/// 3 mm along x; the points reach 10 mm from the origin, where a rotation of 0.1 rad about each
+/// axis gives 0.1 * 10 * sqrt(2).
+TEST(OverlayScene, TheBoundIsThatOfTheCovarianceAtTheStructure) {
+  Kept kept;
+  geometry_msgs::PoseWithCovarianceStamped pose;
+  pose.header = accepted().header;
+  pose.pose.covariance[0] = 0.003 * 0.003;
+  for (const std::size_t axis : {21U, 28U, 35U}) pose.pose.covariance[axis] = 0.1 * 0.1;
+  kept.keeper.take_pose(pose);
+  const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
+  EXPECT_NEAR(scene.structures[1].bound_mm.value(), 1.25 * std::sqrt(9.0 + 2.0), 1e-9);
+  // The pose of another alignment says nothing of this one.
+  pose.header.stamp = ::ros::Time(900);
+  kept.keeper.take_pose(pose);
+  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 2.5);
+}
+
+TEST(NewestSlot, OnlyTheNewestValueWaits) {
+  NewestSlot<int> slot;
+  slot.put(1);
+  slot.put(2);
+  slot.put(3);
+  EXPECT_EQ(slot.take(), 3);
+  EXPECT_EQ(slot.dropped(), 2U);
+  std::optional<int> taken = 0;
+  std::thread waiting([&] { taken = slot.take(); });
+  slot.close();
+  waiting.join();
+  EXPECT_EQ(taken, std::nullopt);
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
