@@ -155,16 +155,20 @@ void DepthLayer::fill(const Corner& a, const Corner& b, const Corner& c) {
   const Vector2f top = sorted[0]->pixel;
   const Vector2f middle = sorted[1]->pixel;
   const Vector2f bottom = sorted[2]->pixel;
-  const auto x_at = [](const Vector2f& from, const Vector2f& to, float y) {
+  const auto x_per_row = [](const Vector2f& from, const Vector2f& to) {
     const float height = to.y() - from.y();
-    return height > 0.0F ? from.x() + (to.x() - from.x()) * ((y - from.y()) / height) : from.x();
+    return height > 0.0F ? (to.x() - from.x()) / height : 0.0F;
   };
+  const float along_whole = x_per_row(top, bottom);
+  const float along_upper = x_per_row(top, middle);
+  const float along_lower = x_per_row(middle, bottom);
   const int first = std::max(-margin_, static_cast<int>(std::ceil(top.y())));
   const int last = std::min(height_ + margin_ - 1, static_cast<int>(std::floor(bottom.y())));
   for (int y = first; y <= last; ++y) {
     const auto row_y = static_cast<float>(y);
-    const float one = x_at(top, bottom, row_y);
-    const float other = row_y < middle.y() ? x_at(top, middle, row_y) : x_at(middle, bottom, row_y);
+    const float one = top.x() + along_whole * (row_y - top.y());
+    const float other = row_y < middle.y() ? top.x() + along_upper * (row_y - top.y())
+                                           : middle.x() + along_lower * (row_y - middle.y());
     slope.inverse_depth = a.inverse_depth + by_y * (row_y - a.pixel.y());
     fill_row(y, std::min(one, other), std::max(one, other), slope);
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
 
 #include "rendering/depth_layer.h"
@@ -22,47 +23,59 @@ using Outlines = std::vector<std::vector<OutlinePixel>>;
 /// band of what is drawn there may reach into it.
 constexpr int kMarginPx = 160;
 /// Weight of a colour that hides what was there.
-constexpr std::uint16_t kOpaque = 256;
+constexpr unsigned kOpaque = 256;
 
 Picture::Colour in_order(const ImageView& image, const Picture::Colour& rgb) {
   return image.is_bgr ? Picture::Colour(rgb[2], rgb[1], rgb[0]) : rgb;
 }
 
-/// Mixes a colour into pixels; a weight is in [0, kOpaque].
-void blend_into(std::uint8_t* pixels, const std::uint16_t* weights, int count,
-                const Picture::Colour& colour) {
-  // In registers: the compiler cannot know that pixels and colour do not overlap.
-  const unsigned first = colour[0];
-  const unsigned second = colour[1];
-  const unsigned third = colour[2];
-  for (int i = 0; i < count; ++i) {
-    const unsigned weight = weights[i];
-    if (weight == 0) continue;
-    const unsigned rest = kOpaque - weight;
-    std::uint8_t* const pixel = pixels + 3 * i;
-    pixel[0] = static_cast<std::uint8_t>((pixel[0] * rest + first * weight) >> 8);
-    pixel[1] = static_cast<std::uint8_t>((pixel[1] * rest + second * weight) >> 8);
-    pixel[2] = static_cast<std::uint8_t>((pixel[2] * rest + third * weight) >> 8);
-  }
+/// The channels 16 bits apart, so that one multiplication weighs all three.
+std::uint64_t spread(std::uint64_t first, std::uint64_t second, std::uint64_t third) {
+  return first | (second << 16) | (third << 32);
+}
+
+/// A colour in the order of the image's channels.
+std::uint64_t spread(const ImageView& image, const Picture::Colour& rgb) {
+  const Picture::Colour colour = in_order(image, rgb);
+  return spread(colour[0], colour[1], colour[2]);
+}
+
+/// Mixes a colour into a pixel; the weight is in [0, kOpaque].
+void blend(std::uint8_t* pixel, unsigned weight, std::uint64_t colour) {
+  const std::uint64_t before = spread(pixel[0], pixel[1], pixel[2]);
+  const std::uint64_t mixed = (before * (kOpaque - weight) + colour * weight) >> 8;
+  pixel[0] = static_cast<std::uint8_t>(mixed);
+  pixel[1] = static_cast<std::uint8_t>(mixed >> 16);
+  pixel[2] = static_cast<std::uint8_t>(mixed >> 32);
 }
 
 Span within(Span span, int width) {
   return {std::clamp(span.begin, 0, width), std::clamp(span.end, 0, width)};
 }
 
+/// The first marked column from `x` on, or `end`. Between the outlines of a structure most columns
+/// are not marked: eight of them are passed in one step.
+int next_marked(const std::uint8_t* marked, int x, int end) {
+  for (; x + 8 <= end; x += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, marked + x, sizeof eight);
+    if (eight != 0) break;
+  }
+  while (x < end && marked[x] == 0) ++x;
+  return x;
+}
+
 /// Mixes a colour into an image where it is marked, at most with the opacity.
-void blend_marks(const ImageView& image, const Marks& marks, const Picture::Colour& colour,
-                 double opacity, std::vector<std::uint16_t>& weights) {
+void blend_marks(const ImageView& image, const Marks& marks, const Picture::Colour& rgb,
+                 double opacity) {
   const auto most = static_cast<unsigned>(std::lround(kOpaque * opacity));
-  weights.resize(static_cast<std::size_t>(image.width));
+  const std::uint64_t colour = spread(image, rgb);
   for (int y = 0; y < image.height; ++y) {
     const Span span = marks.span(y);
     const std::uint8_t* const marked = marks.row(y);
-    for (int x = span.begin; x < span.end; ++x)
-      weights[static_cast<std::size_t>(x)] =
-          static_cast<std::uint16_t>((marked[x] * most + 127U) / 255U);
-    blend_into(image.row(y) + 3 * span.begin, weights.data() + span.begin, span.end - span.begin,
-               colour);
+    for (int x = next_marked(marked, span.begin, span.end); x < span.end;
+         x = next_marked(marked, x + 1, span.end))
+      blend(image.row(y) + 3 * x, (marked[x] * most + 127U) / 255U, colour);
   }
 }
 
@@ -123,8 +136,10 @@ struct OverlayRenderer::Buffers {
       weight[x] = static_cast<std::uint16_t>(most * (s * f * v) / (s * f * v + (f - v) + kTiny));
       covered += v > 0.0F ? 1 : 0;
     }
-    blend_into(image.row(y) + 3 * span.begin, weight + span.begin, span.end - span.begin,
-               in_order(image, structure.colour));
+    const std::uint64_t colour = spread(image, structure.colour);
+    std::uint8_t* const pixels = image.row(y);
+    for (int x = span.begin; x < span.end; ++x)
+      if (weight[x] != 0) blend(pixels + 3 * x, weight[x], colour);
     return static_cast<std::size_t>(covered);
   }
 
@@ -182,12 +197,11 @@ OverlayCoverage OverlayRenderer::draw(const ImageView& image, const Camera& came
     if (structures[i].bound_mm) {
       b.marks.reset(image.width, image.height);
       rendering::mark_band(outlines, camera, structures[i], b.marks);
-      blend_marks(image, b.marks, in_order(image, options_.band_colour), options_.band_opacity,
-                  b.weights);
+      blend_marks(image, b.marks, options_.band_colour, options_.band_opacity);
     }
     b.marks.reset(image.width, image.height);
     b.mark_outlines(outlines, options_.outline_px, count);
-    blend_marks(image, b.marks, in_order(image, structures[i].colour), 1.0, b.weights);
+    blend_marks(image, b.marks, structures[i].colour, 1.0);
   }
   return coverage;
 }

@@ -59,6 +59,20 @@ std::string bound_text(const OverlayScene& scene, double bound_m) {
   return text;
 }
 
+/// Writes a text from this line on, and returns the line after it. Long texts are cut, so that they
+/// do not hide the video; the status has all of it.
+int write_text(const ImageView& image, const std::string& text, int line,
+               const Picture::Colour& colour) {
+  constexpr std::size_t kMostLines = 4;
+  std::vector<std::string> parts = wrapped(text, letters_per_line(image));
+  if (parts.size() > kMostLines) {
+    parts.resize(kMostLines);
+    parts.back() += " ...";
+  }
+  for (const std::string& part : parts) draw_line(image, part, line++, colour);
+  return line;
+}
+
 void write_legend(const ImageView& image, const std::vector<OverlayStructure>& structures) {
   int line = -1;
   for (auto it = structures.rbegin(); it != structures.rend(); ++it)
@@ -139,24 +153,18 @@ Overlay OverlayPainter::paint(const OverlayJob& job) {
     overlay.image = drawable(*job.image);
   }
   const ImageView image = view_of(*overlay.image);
-  int line = 0;
-  const auto write = [&](const std::string& text, const Picture::Colour& colour) {
-    for (const std::string& part : wrapped(text, letters_per_line(image)))
-      draw_line(image, part, line++, colour);
-  };
-  if (refusal.empty()) {
-    write(bound_text(scene, status.error_bound), kWhite);
-    write_legend(image, scene.structures);
-  } else {
-    write("NO OVERLAY: " + refusal, kRed);
-  }
+  const bool is_drawn = refusal.empty();
+  const std::string first =
+      is_drawn ? bound_text(scene, status.error_bound) : "NO OVERLAY: " + refusal;
+  int line = write_text(image, first, 0, is_drawn ? kWhite : kRed);
+  if (is_drawn) write_legend(image, scene.structures);
   std::vector<std::string> warnings = scene.warnings;
   if (!job.warning.empty()) warnings.push_back(job.warning);
   for (const std::string& warning : warnings) {
-    write(warning, kAmber);
+    line = write_text(image, warning, line, kAmber);
     status.message += (status.message.empty() ? "" : "; ") + warning;
   }
-  if (refusal.empty() && !warnings.empty()) status.state = Status::DRAWN_WITH_WARNING;
+  if (is_drawn && !warnings.empty()) status.state = Status::DRAWN_WITH_WARNING;
   return overlay;
 }
 

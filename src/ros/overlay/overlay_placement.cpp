@@ -20,8 +20,9 @@ void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::milliseconds kPause(1);
   const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
-  std::string why;
-  while (!tf.canTransform(target, source, stamp, &why)) {
+  while (true) {
+    std::string why;  // tf2 appends to it
+    if (tf.canTransform(target, source, stamp, &why)) return;
     if (Clock::now() >= end)
       throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
                                                 "' at the image's stamp " + seconds_text(stamp) +
