@@ -27,6 +27,19 @@ TEST(TransformIo, AFileWithoutParametersIsNotTheIdentity) {
                        {"t.tfm", "FixedParameters"});
 }
 
+TEST(TransformIo, ParametersThatAreNoNumbersOrTooFewAreNotRead) {
+  const TemporaryFolder folder;
+  const std::string header =
+      "#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n";
+  const std::string fixed = "\nFixedParameters: 0 0 0\n";
+  for (const char* parameters : {"-inf 0.1 0.3 4 -1 2", "- 0.1 0.3 4 -1 2", "0.1 0.3 4 -1 2", ""})
+    expect_input_error(
+        [&] {
+          read_T_us_ct(spit(folder.path() / "t.tfm", header + "Parameters: " + parameters + fixed));
+        },
+        {"t.tfm", "'Parameters'"});
+}
+
 const char* const kExtensions[] = {".tfm", ".txt", ".h5", ".hdf5"};
 
 /// The text of a file with one transform, as Slicer and ITK write it.

@@ -8,6 +8,7 @@
 #include <itkTxtTransformIO.h>
 #include <itk_H5Cpp.h>
 
+#include <algorithm>
 #include <mutex>
 #include <string_view>
 
@@ -49,16 +50,34 @@ itk::TransformIOBaseTemplate<double>::Pointer transform_io(const std::filesystem
                                       "', must be .tfm, .txt, .h5 or .hdf5 (ITK transform)");
 }
 
-/// Throws InputError for a text file that ends before its parameters. ITK would read it as the
-/// identity without an error.
+/// Throws InputError unless `parameters` are as many finite numbers as a linear transform of this
+/// type needs. ITK reads them up to what is no number, and then uses what is beyond their end.
+void require_parameters(std::string_view parameters, const std::string& type,
+                        const std::string& source) {
+  const std::size_t count = parse_doubles(parameters, source, "Parameters").size();
+  const itk::LightObject::Pointer object = itk::ObjectFactoryBase::CreateInstance(type.c_str());
+  const auto* transform = dynamic_cast<const AnyTransform*>(object.GetPointer());
+  if (transform == nullptr || !transform->IsLinear()) return;
+  if (count < transform->GetNumberOfParameters())
+    throw InputError(source, "'Parameters' has " + std::to_string(count) + " numbers, a " + type +
+                                 " needs " + std::to_string(transform->GetNumberOfParameters()));
+}
+
+/// Throws InputError for a text file that ends before its parameters, which ITK would read as the
+/// identity without an error, or whose parameters are not complete.
 void require_complete_text(const std::filesystem::path& path) {
   const Bytes bytes = read_bytes(path);
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   int transforms = 0;
   int parameters = 0;
   int fixed_parameters = 0;
+  std::string type;
   for (const std::string_view line : split(text, '\n')) {
-    const std::string_view name = line.substr(0, line.find(':'));
+    const std::size_t colon = std::min(line.find(':'), line.size());
+    const std::string_view name = line.substr(0, colon);
+    const std::string_view value = trimmed(line.substr(std::min(colon + 1, line.size())));
+    if (name == "Transform") type = value;
+    if (name == "Parameters") require_parameters(value, type, path.string());
     const bool composite = line.find("CompositeTransform") != std::string_view::npos;
     transforms += name == "Transform" && !composite ? 1 : 0;
     parameters += name == "Parameters" ? 1 : 0;
@@ -139,11 +158,11 @@ LinearMap read_itk_transform(const std::filesystem::path& path) {
   const std::string source = path.string();
   const auto io = transform_io(path);
   const bool is_text = std::string_view(io->GetNameOfClass()) == "TxtTransformIOTemplate";
+  const auto lock = lock_itk_transforms();
   if (is_text)
     require_complete_text(path);
   else
     read_prefix(path, 1);  // throws a clear message if the file is missing, empty or a folder
-  const auto lock = lock_itk_transforms();
   if (!is_text) with_input_errors(source, [&] { require_names_hdf5(path); });
   const auto reader = itk::TransformFileReaderTemplate<double>::New();
   reader->SetTransformIO(io);
