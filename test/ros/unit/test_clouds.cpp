@@ -108,7 +108,7 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
 }
 
 TEST(ProposedMarkers, AreAmberAndSayWhatWaitsWhereThereIsAPlaceForIt) {
-  const auto surfaces = to_markers(two_surfaces(), {{2, "kidney"}}, "ct");
+  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
   const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
   ProposedAlignment proposed{"patient", T_patient_ct, "result 3 waits", Eigen::Vector3d(0, 0, 400)};
   const auto found = proposed_markers(surfaces, proposed, 0.5);
