@@ -155,14 +155,11 @@ msg::RegistrationResult Registrar::run(const RegistrationRequest& request) {
   try {
     request.progress(0.0, "waiting");
     collect(request, inputs);
-    const RegistrationResult found = registered(request, inputs);
+    RegistrationResult found = registered(request, inputs);
+    found.measures.sweep_motion_mm = inputs.us->sweep_motion_mm;
     result = to_message(found);
     if (found.T_us_ct)
       result.fixed_transform = to_message(inputs.us->pose.T_fixed_us * *found.T_us_ct);
-    msg::Measure motion;
-    motion.name = "sweep_motion_mm";
-    motion.value = inputs.us->sweep_motion_mm;
-    result.measures.push_back(motion);
     if (inputs.us->pose.age_s > 0.0)
       result.status.message += "; tf was " + seconds_text(inputs.us->pose.age_s) +
                                " s older than the ultrasound's stamp";

@@ -64,6 +64,9 @@ struct Measures {
   /// see AcquisitionErrors. They are reported, and no evidence against the pose.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
+  /// Longest way by which a probe that should have been still moved a sample during the sweep, mm;
+  /// from tf, so that only the ROS interface takes it.
+  std::optional<double> sweep_motion_mm;
 };
 
 /// A measure with its name in files, messages and limits.
