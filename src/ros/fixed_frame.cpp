@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/probe_motion.h"
 
 namespace usct::ros_interface {
@@ -113,13 +113,13 @@ void FixedFrame::require_small(const std_msgs::Header& us, const Isometry3d& T_u
   const double moved_mm = T_us_moved.translation().norm();
   const double turned_deg = kDegPerRad * Eigen::AngleAxisd(T_us_moved.rotation()).angle();
   if (moved_mm <= options_.max_jump_mm && turned_deg <= options_.max_jump_deg) return;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                " moved by %.1f mm and %.1f degrees between %.3f s and %.3f s; allowed: %g mm, %g "
-                "degrees",
-                moved_mm, turned_deg, from.toSec(), to.toSec(), options_.max_jump_mm,
-                options_.max_jump_deg);
-  throw Refusal(Status::TF_JUMPED, quoted(us.frame_id) + " in " + quoted(name(us)) + text);
+  throw Refusal(
+      Status::TF_JUMPED,
+      quoted(us.frame_id) + " in " + quoted(name(us)) +
+          formatted(" moved by %.1f mm and %.1f degrees between %.3f s and %.3f s; allowed: %g "
+                    "mm, %g degrees",
+                    moved_mm, turned_deg, from.toSec(), to.toSec(), options_.max_jump_mm,
+                    options_.max_jump_deg));
 }
 
 std::vector<Isometry3d> FixedFrame::T_us_then(const std_msgs::Header& us, const FixedPose& pose,
@@ -151,13 +151,13 @@ double FixedFrame::compensate(const std_msgs::Header& us, const FixedPose& pose,
   const std::vector<Isometry3d> poses = T_us_then(us, pose, stamps);
   const double motion_mm = probe_motion_mm(beams, poses);
   if (motion_mm > options_.max_sweep_motion_mm) {
-    char text[200];
-    std::snprintf(
-        text, sizeof text,
-        " moved during the sweep, from %.3f s to %.3f s, and a sample by %.1f mm with it; "
-        "allowed (max_sweep_motion_mm): %g mm",
-        stamps.front().toSec(), us.stamp.toSec(), motion_mm, options_.max_sweep_motion_mm);
-    throw Refusal(Status::TF_JUMPED, quoted(us.frame_id) + " in " + quoted(name(us)) + text);
+    throw Refusal(
+        Status::TF_JUMPED,
+        quoted(us.frame_id) + " in " + quoted(name(us)) +
+            formatted(" moved during the sweep, from %.3f s to %.3f s, and a sample by %.1f mm "
+                      "with it; allowed (max_sweep_motion_mm): %g mm",
+                      stamps.front().toSec(), us.stamp.toSec(), motion_mm,
+                      options_.max_sweep_motion_mm));
   }
   for (std::size_t i = 1; i < poses.size(); ++i)
     require_small(us, poses[i - 1].inverse() * poses[i], stamps[i - 1], stamps[i]);

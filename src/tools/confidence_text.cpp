@@ -1,8 +1,6 @@
 #include "confidence_text.h"
 
-#include <array>
-#include <cstdarg>
-#include <cstdio>
+#include "us_ct_registration/formatted.h"
 
 namespace usct::tools {
 namespace {
@@ -10,15 +8,6 @@ namespace {
 /// Evidence above this is strong; below one half it speaks against the pose.
 constexpr double kStrong = 0.9;
 constexpr double kEven = 0.5;
-
-__attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
-  std::array<char, 512> buffer{};
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer.data(), buffer.size(), format, arguments);
-  va_end(arguments);
-  return buffer.data();
-}
 
 const char* direction_of(double probability) {
   if (probability < kEven) return "speaks against the pose";
@@ -28,8 +17,8 @@ const char* direction_of(double probability) {
 /// One kind of evidence: how much it says, what was measured, and what would help if it is weak.
 std::string line(const char* kind, double probability, const std::string& measured,
                  const char* help) {
-  return text("  %s (%.2f) %s: ", kind, probability, direction_of(probability)) + measured + "\n" +
-         (probability < kStrong ? std::string("    what would help: ") + help + "\n" : "");
+  return formatted("  %s (%.2f) %s: ", kind, probability, direction_of(probability)) + measured +
+         "\n" + (probability < kStrong ? std::string("    what would help: ") + help + "\n" : "");
 }
 
 std::string evidence(const Measures& m) {
@@ -37,22 +26,25 @@ std::string evidence(const Measures& m) {
   if (!right) return "evidence: none, the ultrasound has too few samples that count\n";
   return "evidence, and the probability that the pose is right as far as each kind can tell:\n" +
          line("comparison with mirrored ultrasound", right->mirrors,
-              text("the pose has %.2f times the similarity that the ultrasound reaches with lines "
-                   "or frames in reverse order (patch by patch: t = %.1f)",
-                   *m.mirror_ratio, *m.mirror_advantage),
+              formatted(
+                  "the pose has %.2f times the similarity that the ultrasound reaches with lines "
+                  "or frames in reverse order (patch by patch: t = %.1f)",
+                  *m.mirror_ratio, *m.mirror_advantage),
               "check which way round the probe was held, the order of lines and frames, and "
               "whether the CT is mirrored; if the anatomy in view is symmetric, a larger field of "
               "view helps") +
-         line("comparison with chance", right->chance,
-              text("the pose has %.2f times the similarity that chance reaches, and %.2f times "
-                   "that of the best pose elsewhere (patch by patch: t = %.1f)",
-                   *m.chance_ratio, *m.rival_ratio, *m.rival_advantage),
-              "check that the CT is of this patient and that the kidney is in view, and give an "
-              "initial pose that is closer") +
+         line(
+             "comparison with chance", right->chance,
+             formatted("the pose has %.2f times the similarity that chance reaches, and %.2f times "
+                       "that of the best pose elsewhere (patch by patch: t = %.1f)",
+                       *m.chance_ratio, *m.rival_ratio, *m.rival_advantage),
+             "check that the CT is of this patient and that the kidney is in view, and give an "
+             "initial pose that is closer") +
          line("agreement of parts", right->parts,
-              text("halves of the field of view, registered alone, move the pose by %.1f and %.1f "
-                   "mm, %.2f times as far as they move a wrong pose",
-                   *m.parts_mm, *m.ridge_parts_mm, *m.parts_ratio),
+              formatted(
+                  "halves of the field of view, registered alone, move the pose by %.1f and %.1f "
+                  "mm, %.2f times as far as they move a wrong pose",
+                  *m.parts_mm, *m.ridge_parts_mm, *m.parts_ratio),
               "check the geometry of the probe and the tracking, and acquire again during a breath "
               "hold and with little pressure");
 }
@@ -60,9 +52,10 @@ std::string evidence(const Measures& m) {
 std::string expected_error(const Measures& m) {
   if (!m.expected_error_mm) return "expected error: not known\n";
   std::string words =
-      text("expected error in the middle of the field: %.2f mm", *m.expected_error_mm);
+      formatted("expected error in the middle of the field: %.2f mm", *m.expected_error_mm);
   if (m.error_bound_mm)
-    words += text("; below %.2f mm in 90 of 100 registrations that are right", *m.error_bound_mm);
+    words +=
+        formatted("; below %.2f mm in 90 of 100 registrations that are right", *m.error_bound_mm);
   return words + "\n";
 }
 
@@ -72,9 +65,9 @@ std::string confidence_text(const RegistrationResult& result) {
   if (result.candidates.empty()) return "";
   const Measures& m = result.measures;
   const std::string probability =
-      m.wrong_probability
-          ? text("probability that the pose is more than 5 mm off: %.3f\n", *m.wrong_probability)
-          : "probability that the pose is more than 5 mm off: not known\n";
+      m.wrong_probability ? formatted("probability that the pose is more than 5 mm off: %.3f\n",
+                                      *m.wrong_probability)
+                          : "probability that the pose is more than 5 mm off: not known\n";
   return probability + (result.T_us_ct ? expected_error(m) : evidence(m));
 }
 

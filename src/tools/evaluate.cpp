@@ -1,4 +1,3 @@
-#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -6,6 +5,7 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
@@ -92,10 +92,9 @@ void print_text(const Evaluation& evaluation) {
                 evaluation.expected->max_mm);
   for (std::size_t i = 0; i < evaluation.candidates.size(); ++i) {
     const RegistrationCandidate& candidate = evaluation.result.candidates[i];
-    std::array<char, 96> prefix{};
-    std::snprintf(prefix.data(), prefix.size(), "candidate %zu, similarity %.4f, overlap %.2f, ", i,
-                  candidate.similarity, candidate.overlap);
-    print_errors(prefix.data(), evaluation.candidates[i]);
+    print_errors(formatted("candidate %zu, similarity %.4f, overlap %.2f, ", i,
+                           candidate.similarity, candidate.overlap),
+                 evaluation.candidates[i]);
   }
 }
 

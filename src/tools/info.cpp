@@ -3,6 +3,7 @@
 
 #include "commands.h"
 #include "exit_status.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/formats.h"
 
 namespace usct::tools {
@@ -27,11 +28,7 @@ Json description_of(const std::filesystem::path& path) {
 /// A value for people, with six digits; --json prints all digits.
 std::string text_of(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (value.is_number_float()) {
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.6g", value.get<double>());
-    return text;
-  }
+  if (value.is_number_float()) return formatted("%.6g", value.get<double>());
   if (!value.is_array()) return value.dump();
   std::string text;
   for (const auto& entry : value) text += (text.empty() ? "" : " ") + text_of(entry);

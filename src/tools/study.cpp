@@ -11,6 +11,7 @@
 #include "study_pictures.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/study_report.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/registration/registration.h"
@@ -105,11 +106,7 @@ Register registers_with(const StudyCommand& command) {
   };
 }
 
-std::string as_text(double value) {
-  std::array<char, 32> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "%g", value);
-  return buffer.data();
-}
+std::string as_text(double value) { return formatted("%g", value); }
 
 std::string joined(const std::vector<std::string>& words) {
   std::string text;

@@ -1,12 +1,11 @@
 #include "us_ct_registration/evaluation/study_report.h"
 
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "io/bytes.h"
 #include "us_ct_registration/evaluation/study_statistics.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
@@ -14,17 +13,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-__attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
-  std::array<char, 256> buffer{};
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer.data(), buffer.size(), format, arguments);
-  va_end(arguments);
-  return buffer.data();
-}
-
 std::string number(double value, int decimals = 2) {
-  return std::isfinite(value) ? text("%.*f", decimals, value) : "-";
+  return std::isfinite(value) ? formatted("%.*f", decimals, value) : "-";
 }
 
 std::string percent(double share) { return number(100.0 * share, 1); }
@@ -42,7 +32,7 @@ std::string header(const std::vector<std::string>& cells) {
 }
 
 std::string bin_name(const DisplacementBin& bin) {
-  return text("%g-%g mm", bin.low_mm, bin.high_mm);
+  return formatted("%g-%g mm", bin.low_mm, bin.high_mm);
 }
 
 double mean_step(const std::vector<double>& table) {
@@ -53,16 +43,17 @@ double mean_step(const std::vector<double>& table) {
 
 /// The size in samples x lines x frames.
 std::string size_of(const ScanGeometry& geometry) {
-  return text("(%d, %d, %d)", geometry.samples(), geometry.lines(), geometry.frames());
+  return formatted("(%d, %d, %d)", geometry.samples(), geometry.lines(), geometry.frames());
 }
 
 std::string spacing_of(const ScanGeometry& geometry) {
   const bool curved = std::holds_alternative<CurvilinearArray>(geometry.array);
   const double line = mean_step(line_table(geometry.array));
-  std::string spacing = text("(%.2f mm, ", geometry.axial.spacing_mm) +
-                        (curved ? text("%.2f deg, ", line / kDegree) : text("%.2f mm, ", line));
+  std::string spacing =
+      formatted("(%.2f mm, ", geometry.axial.spacing_mm) +
+      (curved ? formatted("%.2f deg, ", line / kDegree) : formatted("%.2f mm, ", line));
   if (const auto* motor = std::get_if<MotorSweep>(&geometry.motion))
-    return spacing + text("%.2f deg)", mean_step(motor->frame_angles_rad) / kDegree);
+    return spacing + formatted("%.2f deg)", mean_step(motor->frame_angles_rad) / kDegree);
   return spacing + "tracked)";
 }
 
@@ -73,8 +64,8 @@ std::pair<std::string, std::string> size_and_spacing(const PreScanVolume& ultras
     return {size_of(ultrasound.geometry), spacing_of(ultrasound.geometry)};
   const Grid grid = *beams_of(ultrasound, beams).grid;
   const Eigen::Vector3d& mm = grid.spacing_mm;
-  return {text("(%d, %d, %d)", grid.size.x(), grid.size.y(), grid.size.z()),
-          text("(%.2f mm, %.2f mm, %.2f mm)", mm.x(), mm.y(), mm.z())};
+  return {formatted("(%d, %d, %d)", grid.size.x(), grid.size.y(), grid.size.z()),
+          formatted("(%.2f mm, %.2f mm, %.2f mm)", mm.x(), mm.y(), mm.z())};
 }
 
 Json number_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
@@ -186,7 +177,7 @@ std::string accuracy_markdown(const std::vector<StudyRun>& runs,
       cells.push_back(bin.runs == 0 ? "-"
                                     : percent(static_cast<double>(bin.succeeded) /
                                               static_cast<double>(bin.runs)) +
-                                          text(" of %zu", bin.runs));
+                                          formatted(" of %zu", bin.runs));
     table += row(cells);
   }
   return table;
@@ -252,8 +243,8 @@ std::string calibration_markdown(const std::vector<StudyRun>& runs) {
                 number(bin.mean_true_mm), number(bin.rms_ratio), percent(bin.share_within_twice)});
   };
   for (const CalibrationBin& bin : calibration.bins)
-    table += cells(bin.high_mm < 1e6 ? text("%g-%g", bin.low_mm, bin.high_mm)
-                                     : text("%g and more", bin.low_mm),
+    table += cells(bin.high_mm < 1e6 ? formatted("%g-%g", bin.low_mm, bin.high_mm)
+                                     : formatted("%g and more", bin.low_mm),
                    bin);
   return table + cells("all", calibration.all) + "\nRank correlation (Spearman) of expected and " +
          "physical errors: " + number(calibration.rank_correlation) + "\n";

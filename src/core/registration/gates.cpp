@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "require.h"
+#include "us_ct_registration/formatted.h"
 
 namespace usct {
 namespace {
@@ -30,11 +30,7 @@ const std::vector<Gate>& gates() {
   return all;
 }
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.3g", value);
-  return text;
-}
+std::string number(double value) { return formatted("%.3g", value); }
 
 /// The comparison is written so that a measure that is not a number fails.
 bool passes(const Gate& gate, double value, double limit) {

@@ -2,17 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
+
+#include "us_ct_registration/formatted.h"
 
 namespace usct::registration {
 namespace {
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2g", value);
-  return text;
-}
+std::string number(double value) { return formatted("%.2g", value); }
 
 std::string mirrored_words(Mirror mirror) {
   switch (mirror) {

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "ultrasound/nanoseconds.h"
 #include "ultrasound/sweep_volume.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 
 namespace usct {
@@ -20,12 +20,6 @@ constexpr double kLeastReachMm = 1.0;
 constexpr double kFrozenMm = 5.0;
 /// Largest share of the probe's path with a frozen picture.
 constexpr double kMostFrozenShare = 0.5;
-
-std::string number(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), format, value);
-  return text;
-}
 
 /// The middle of the field of view where each image was acquired, in the US frame, and the image.
 struct Seen {
@@ -59,12 +53,12 @@ std::string require_change(const std::vector<Seen>& path, const std::string& sou
   length_mm += same_mm;
   end_same();
   if (reach_mm < kLeastReachMm)
-    throw InputError(source, "the probe moves by " + number("%.2f", reach_mm) +
+    throw InputError(source, "the probe moves by " + formatted("%.2f", reach_mm) +
                                  " mm only, must move by 1 mm or more: it was held still, or tf "
                                  "does not follow it");
   if (frozen_mm == 0.0) return {};
-  const std::string frozen = "the images do not change over " + number("%.0f", frozen_mm) +
-                             " mm of the probe's path of " + number("%.0f", length_mm) + " mm";
+  const std::string frozen = "the images do not change over " + formatted("%.0f", frozen_mm) +
+                             " mm of the probe's path of " + formatted("%.0f", length_mm) + " mm";
   if (frozen_mm > kMostFrozenShare * length_mm)
     throw InputError(source, frozen + ": the picture is frozen, or the probe has no contact");
   return frozen;

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "ultrasound/lag_correlation.h"
 #include "ultrasound/signal.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/ultrasound/image_lag.h"
 
 namespace usct {
@@ -22,22 +22,18 @@ constexpr double kWidestInterval_s = 0.5;
 /// A pair of frames further apart than this many usual intervals has a missing frame between.
 constexpr double kGapIntervals = 1.5;
 
-std::string text(const char* format, double value) {
-  char buffer[160];
-  std::snprintf(buffer, sizeof(buffer), format, value);
-  return buffer;
-}
-
 /// The reason why the estimate is not reliable; empty if it is.
 std::string doubt(const LagEstimate& estimate, bool inside) {
   if (!(estimate.significance >= kLeastSignificance))
-    return text("image change and probe speed correlate by %.2f", estimate.correlation) +
-           text(", %.1f standard deviations above chance, must be >= 3", estimate.significance);
+    return formatted("image change and probe speed correlate by %.2f", estimate.correlation) +
+           formatted(", %.1f standard deviations above chance, must be >= 3",
+                     estimate.significance);
   if (!inside)
-    return text("the correlation still rises at the largest shift, %.2f s", estimate.lag_s);
+    return formatted("the correlation still rises at the largest shift, %.2f s", estimate.lag_s);
   const double width = estimate.interval_s.second - estimate.interval_s.first;
   if (width > kWidestInterval_s)
-    return text("the lag is uncertain: its 95 %% interval is %.2f s wide, must be <= 0.5 s", width);
+    return formatted("the lag is uncertain: its 95 %% interval is %.2f s wide, must be <= 0.5 s",
+                     width);
   return {};
 }
 
@@ -57,8 +53,9 @@ void estimate_from(Signal change, Signal speed, double interval_s, LagEstimate& 
     smooth_speed.push_back(*smoothed(speed, time_s, sigma_s));
   estimate.speed_variation = moments(smooth_speed).deviation;
   if (estimate.speed_variation < kLeastSpeedVariation) {
-    estimate.message = text("the probe's speed varies by only %.1f %%, must vary by 10 %% or more",
-                            100.0 * estimate.speed_variation);
+    estimate.message =
+        formatted("the probe's speed varies by only %.1f %%, must vary by 10 %% or more",
+                  100.0 * estimate.speed_variation);
     return;
   }
   const ShiftedSpeeds shifted = shift_speed(change, speed, sigma_s);

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 
 namespace usct::ros_interface {
 
@@ -25,11 +25,7 @@ void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const s
                   " s ahead: the stamp is wrong, or the clocks disagree");
 }
 
-std::string seconds_text(double seconds) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.3f", seconds);
-  return text;
-}
+std::string seconds_text(double seconds) { return formatted("%.3f", seconds); }
 
 std::string seconds_text(const ::ros::Time& time) { return seconds_text(time.toSec()); }
 

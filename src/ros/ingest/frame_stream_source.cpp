@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "ros/conversions/times.h"
 #include "us_ct_registration/error.h"
@@ -16,12 +15,6 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr unsigned kFrameQueue = 500;
 constexpr double kPauseCheckPeriod_s = 0.05;
-
-std::string seconds(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.3f s", value);
-  return text;
-}
 
 geometry_msgs::Pose as_pose(const geometry_msgs::Transform& transform) {
   geometry_msgs::Pose pose;
@@ -142,10 +135,11 @@ void FrameStreamSource::check_lag(const PreScanVolume& volume) {
   const double allowed_s = options_.lag_tolerance_s + 2.0 * left.standard_error_s;
   std::string text = "not determinable: " + left.message;
   std::string warning;
-  if (left.determined) text = seconds(lag_s) + ", standard error " + seconds(left.standard_error_s);
+  if (left.determined)
+    text = seconds_text(lag_s) + " s, standard error " + seconds_text(left.standard_error_s) + " s";
   if (left.determined && std::abs(left.lag_s) > allowed_s)
-    warning = "images lag poses by " + text + ", but image_lag is " + seconds(image_lag_s) +
-              ": frames are displaced along the sweep";
+    warning = "images lag poses by " + text + ", but image_lag is " + seconds_text(image_lag_s) +
+              " s" + ": frames are displaced along the sweep";
   if (!warning.empty()) ROS_WARN("%s", warning.c_str());
   const std::lock_guard<std::mutex> lock(mutex_);
   lag_ = text;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <string_view>
@@ -8,6 +7,7 @@
 #include "io/dicom/dicom_dataset.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 
 namespace usct::io {
 namespace {
@@ -70,9 +70,7 @@ struct Encoding {
 };
 
 std::string tag_text(std::uint32_t tag) {
-  char text[16];
-  std::snprintf(text, sizeof(text), "(%04x,%04x)", tag >> 16, tag & 0xffff);
-  return text;
+  return formatted("(%04x,%04x)", tag >> 16, tag & 0xffff);
 }
 
 bool holds(const std::vector<Attribute>& attributes, std::uint32_t tag) {
