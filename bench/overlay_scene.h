@@ -1,39 +1,12 @@
 #pragma once
 
-#include <cmath>
-#include <cstdint>
 #include <memory>
 #include <vector>
 
-#include "us_ct_registration/geometry/angles.h"
+#include "core/rendering/simple_surfaces.h"
 #include "us_ct_registration/rendering/overlay.h"
 
 namespace usct::bench {
-
-/// A closed ellipsoid of 4 * rings^2 triangles.
-inline Surface ellipsoid(const Eigen::Vector3d& centre_mm, const Eigen::Vector3d& radii_mm,
-                         int rings) {
-  Surface surface;
-  const int columns = 2 * rings;
-  for (int i = 0; i <= rings; ++i)
-    for (int j = 0; j < columns; ++j) {
-      const double polar = kPi * i / rings;
-      const double azimuth = 2.0 * kPi * j / columns;
-      surface.points_mm.emplace_back(
-          centre_mm + radii_mm.cwiseProduct(Eigen::Vector3d(std::sin(polar) * std::cos(azimuth),
-                                                            std::sin(polar) * std::sin(azimuth),
-                                                            std::cos(polar))));
-    }
-  const auto at = [&](int i, int j) {
-    return static_cast<std::uint32_t>(i * columns + j % columns);
-  };
-  for (int i = 0; i < rings; ++i)
-    for (int j = 0; j < columns; ++j) {
-      surface.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      surface.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  return surface;
-}
 
 /// A kidney of 60 mm x 30 mm, a tumour, and three vessels, 50,000 triangles in all, 100 mm before
 /// the camera: the kidney covers about a third of the image.
@@ -41,7 +14,7 @@ inline std::vector<OverlayStructure> kidney_scene() {
   const auto structure = [](const Eigen::Vector3d& centre_mm, const Eigen::Vector3d& radii_mm,
                             int rings, const Picture::Colour& colour) {
     OverlayStructure one;
-    one.surface = std::make_shared<const Surface>(ellipsoid(centre_mm, radii_mm, rings));
+    one.surface = std::make_shared<const Surface>(test::ellipsoid(centre_mm, radii_mm, rings));
     one.colour = colour;
     return one;
   };

@@ -295,7 +295,8 @@ class TestRealData(unittest.TestCase):
         numpy.testing.assert_allclose(positions_mm(volume.frame_poses), converted.T_us_frame[:, :3, 3], rtol=0,
                                       atol=0.05)
 
-    def test_liver_sweep_is_assembled_shown_and_refused_with_the_ct_of_a_stranger(self):
+    def liver(self):
+        """The images of the liver sweep, and a file with them and their poses."""
         require(LIVER)
         try:
             pictures = real_sweeps.liver(LIVER)
@@ -303,33 +304,34 @@ class TestRealData(unittest.TestCase):
             self.skipTest(f"the video cannot be read here: {error}")
         file = self.folder / "liver.igs.mha"
         real_sweeps.write_sequence(file, pictures)
+        return file, pictures
+
+    def spine(self):
+        """The images of the spine sweep, and a file with its calibration."""
+        require(SPINE)
+        calibration = self.folder / "calibration.xml"
+        real_sweeps.write_calibration(calibration)
+        return real_sweeps.spine(SPINE), calibration
+
+    def test_liver_sweep_is_assembled_shown_and_refused_with_the_ct_of_a_stranger(self):
+        file, pictures = self.liver()
         self.expect_seen_and_refused("liver", Sweep(self.folder, file, pictures, HELD_AT_LIVER))
 
     def test_spine_sweep_with_poses_in_tf_is_assembled_shown_and_refused_with_the_ct_of_a_stranger(self):
-        require(SPINE)
-        calibration = self.folder / "calibration.xml"
-        real_sweeps.write_calibration(calibration)
-        self.expect_seen_and_refused("spine", Sweep(self.folder, SPINE, real_sweeps.spine(SPINE), HELD_AT_SPINE,
+        pictures, calibration = self.spine()
+        self.expect_seen_and_refused("spine", Sweep(self.folder, SPINE, pictures, HELD_AT_SPINE,
                                                     "--calibration", calibration, "--poses", "tf"))
 
     def test_spine_sweep_as_live_video_is_what_the_tool_makes_of_the_file(self):
-        require(SPINE)
-        calibration = self.folder / "calibration.xml"
-        real_sweeps.write_calibration(calibration)
-        video = Video(self.folder, SPINE, real_sweeps.spine(SPINE), HELD_AT_SPINE, "--calibration", calibration,
+        pictures, calibration = self.spine()
+        video = Video(self.folder, SPINE, pictures, HELD_AT_SPINE, "--calibration", calibration,
                       T_probe_pixel=real_sweeps.spine_calibration())
         volume = self.expect_seen_and_refused("spine_video", video,
                                               video.described(calibration=str(calibration), to="Probe"))
         self.expect_as_converted(volume, video)
 
     def test_liver_sweep_as_live_video_is_what_the_tool_makes_of_the_file(self):
-        require(LIVER)
-        try:
-            pictures = real_sweeps.liver(LIVER)
-        except OSError as error:
-            self.skipTest(f"the video cannot be read here: {error}")
-        file = self.folder / "liver.igs.mha"
-        real_sweeps.write_sequence(file, pictures)
+        file, pictures = self.liver()
         video = Video(self.folder, file, pictures, HELD_AT_LIVER)
         volume = self.expect_seen_and_refused("liver_video", video, video.described())
         self.expect_as_converted(volume, video)

@@ -312,7 +312,7 @@ class VideoOverlay(unittest.TestCase):
         self.info.publish(CtInfo(crc32=1))
         self.refused("of another CT")
         self.info.publish(CtInfo(crc32=CT_CRC32))
-        # What lies behind the camera is not drawn, and the image says that nothing is in view.
+        # A structure behind the camera is not drawn, and the image says that nothing is in view.
         self.show_surfaces(square(1, "kidney", 0.02, -0.3))
         self.statuses.clear()
         status, image = self.drawn(lambda s: self.is_drawn(s) and not s.in_view, "nothing in view")

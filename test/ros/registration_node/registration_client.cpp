@@ -20,6 +20,42 @@ msg::PreScanVolume agar_ultrasound(const ::ros::Time& stamp, const std::string& 
   return copy;
 }
 
+tf2_msgs::TFMessage tf_of_us(const ::ros::Time& stamp, const Eigen::Isometry3d& T_patient_us,
+                             const std::string& us_frame) {
+  tf2_msgs::TFMessage message;
+  message.transforms.resize(1);
+  message.transforms[0].header = header("patient", stamp);
+  message.transforms[0].child_frame_id = us_frame;
+  message.transforms[0].transform = to_message(T_patient_us);
+  return message;
+}
+
+MovingSweep moving_sweep(const Eigen::Isometry3d& T_patient_us, double share, double drift_mm,
+                         const std::string& us_frame) {
+  constexpr double kPeriodS = 0.1;
+  const ::ros::Time end = ::ros::Time::now();
+  MovingSweep moving{agar_ultrasound(end, us_frame), {}};
+  msg::PreScanVolume& sweep = moving.sweep;
+  const double probe_mm = kMmPerM * sweep.geometry.probe_radius;
+  const double motor_mm = kMmPerM * sweep.geometry.motor_radius;
+  const std::size_t last = sweep.frame_angles.size() - 1;
+  const auto know = [&](const ::ros::Time& stamp, const Eigen::Isometry3d& T) {
+    moving.poses.transforms.push_back(tf_of_us(stamp, T, us_frame).transforms[0]);
+  };
+  for (std::size_t i = 0; i <= last; ++i) {
+    const double moved_rad = share * sweep.frame_angles[i];
+    const ::ros::Time stamp = end - ::ros::Duration(kPeriodS * static_cast<double>(last - i));
+    const double way_mm = drift_mm * static_cast<double>(i) / static_cast<double>(last);
+    const Eigen::Isometry3d T = T_patient_us * Eigen::Translation3d(way_mm, 0.0, 0.0) *
+                                T_us_frame_at_motor_angle(probe_mm, motor_mm, moved_rad);
+    sweep.frame_stamps.push_back(stamp);
+    sweep.frame_angles[i] -= moved_rad;
+    know(stamp, T);
+    if (i == last) know(end + ::ros::Duration(0.5), T);
+  }
+  return moving;
+}
+
 bool is_zero(const geometry_msgs::Transform& transform) {
   const auto& t = transform.translation;
   const auto& r = transform.rotation;

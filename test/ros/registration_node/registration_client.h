@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
+#include <tf2_msgs/TFMessage.h>
 #include <us_ct_registration/Register.h>
 #include <us_ct_registration/RegisterAction.h>
 #include <us_ct_registration/SetInitialAlignment.h>
@@ -43,6 +44,23 @@ std_msgs::Header header(const std::string& frame, const ::ros::Time& stamp);
 
 inline const test::RegistrationCase& agar() { return test::agar_case(); }
 msg::PreScanVolume agar_ultrasound(const ::ros::Time& stamp, const std::string& frame = "us");
+/// A pose of the ultrasound frame in the frame `patient`, to publish on tf.
+tf2_msgs::TFMessage tf_of_us(const ::ros::Time& stamp, const Eigen::Isometry3d& T_patient_us,
+                             const std::string& us_frame);
+
+/// A motorised sweep of a probe that moves meanwhile, with the stamp of each frame, and the poses
+/// of the probe, to publish on tf before the sweep.
+struct MovingSweep {
+  msg::PreScanVolume sweep;
+  tf2_msgs::TFMessage poses;
+};
+
+/// The phantom's sweep, which ends now. The probe turns about the axis of its motor by `share` of
+/// the sweep's angle, and the motor by the rest: both together, the frames are the phantom's.
+/// `drift_mm` moves the probe along x as well, which makes its images wrong.
+MovingSweep moving_sweep(const Eigen::Isometry3d& T_patient_us, double share, double drift_mm,
+                         const std::string& us_frame);
+
 bool is_zero(const geometry_msgs::Transform& transform);
 /// Distance of the result's pose from the truth of the case `agar`.
 double error_mm(const Result& result);

@@ -1,6 +1,5 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <sensor_msgs/PointCloud2.h>
-#include <tf2_msgs/TFMessage.h>
 #include <us_ct_registration/Alignment.h>
 
 #include <atomic>
@@ -15,7 +14,6 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 const Isometry3d kPatientUs = test::rigid({0.2, 0.7, -0.4}, {110, 60, 900});
-constexpr double kPeriodS = 0.1;
 
 /// The nodes of a namespace run as processes, or as nodelets of one manager.
 class TimeAndMotion : public testing::TestWithParam<const char*> {
@@ -26,38 +24,13 @@ class TimeAndMotion : public testing::TestWithParam<const char*> {
     EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 8; }));
   }
 
-  void know(const ::ros::Time& stamp, const Isometry3d& T_patient_us, const std::string& us_frame) {
-    tf2_msgs::TFMessage message;
-    message.transforms.resize(1);
-    message.transforms[0].header = header("patient", stamp);
-    message.transforms[0].child_frame_id = us_frame;
-    message.transforms[0].transform = to_message(T_patient_us);
-    tf_.publish(message);
-  }
-
-  /// A sweep that has just ended, of a probe that turns about the axis of its motor, which turns by
-  /// `share` less than in the phantom's sweep. Both together, the frames are the phantom's.
-  /// `drift_mm` moves the probe along x as well, which makes its images wrong.
   Result register_moving(double share, double drift_mm, const std::string& us_frame) {
-    const ::ros::Time end = ::ros::Time::now();
-    msg::PreScanVolume sweep = agar_ultrasound(end, us_frame);
-    const double probe_mm = kMmPerM * sweep.geometry.probe_radius;
-    const double motor_mm = kMmPerM * sweep.geometry.motor_radius;
-    const std::size_t last = sweep.frame_angles.size() - 1;
-    for (std::size_t i = 0; i <= last; ++i) {
-      const double moved_rad = share * sweep.frame_angles[i];
-      const ::ros::Time stamp = end - ::ros::Duration(kPeriodS * static_cast<double>(last - i));
-      const double way_mm = drift_mm * static_cast<double>(i) / static_cast<double>(last);
-      const Isometry3d T = kPatientUs * Eigen::Translation3d(way_mm, 0.0, 0.0) *
-                           T_us_frame_at_motor_angle(probe_mm, motor_mm, moved_rad);
-      sweep.frame_stamps.push_back(stamp);
-      sweep.frame_angles[i] -= moved_rad;
-      know(stamp, T, us_frame);
-      if (i == last) know(end + ::ros::Duration(0.5), T, us_frame);
-    }
+    const MovingSweep moving = moving_sweep(kPatientUs, share, drift_mm, us_frame);
+    const ::ros::Time end = moving.sweep.header.stamp;
+    tf_.publish(moving.poses);
     client_.send_ct(agar().ct, 7, end - ::ros::Duration(30.0));
     EXPECT_EQ(client_.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
-    client_.send(sweep);
+    client_.send(moving.sweep);
     return client_.call_until([&](const Result& result) { return result.us_stamp == end; });
   }
 
@@ -112,7 +85,7 @@ TEST_P(TimeAndMotion, StampsFarFromNowEndNoNode) {
     client_.send(sweep);
     EXPECT_THAT(client_.call_until_code(Status::INVALID_MESSAGE).status.message,
                 HasSubstr("ahead of this node's clock"));
-    know(far, kPatientUs, "us_far_future");
+    tf_.publish(tf_of_us(far, kPatientUs, "us_far_future"));
     Result result;
     result.header = header("us", far);
     result.us_stamp = result.ct_stamp = far;

@@ -1,7 +1,6 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
-#include <tf2_msgs/TFMessage.h>
 #include <us_ct_registration/Alignment.h>
 #include <visualization_msgs/MarkerArray.h>
 
@@ -93,35 +92,13 @@ class UsCloudNode : public testing::Test {
     EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 9; }));
   }
 
-  void know(const ::ros::Time& stamp, const Isometry3d& T_patient_us, const std::string& us_frame) {
-    tf2_msgs::TFMessage message;
-    message.transforms.resize(1);
-    message.transforms[0].header = header("patient", stamp);
-    message.transforms[0].child_frame_id = us_frame;
-    message.transforms[0].transform = to_message(T_patient_us);
-    tf_.publish(message);
-  }
-
-  /// The cloud of the phantom's sweep, of a probe that turns about the axis of its motor, which
-  /// turns by `share` less than in the phantom's sweep: both together, the frames are the
-  /// phantom's.
+  /// The cloud of a moving probe's sweep.
   Cloud cloud_of_moving(double share, bool with_stamps, const std::string& us_frame) {
-    constexpr double kPeriod_s = 0.05;
-    const ::ros::Time end = ::ros::Time::now();
-    msg::PreScanVolume sweep = agar_ultrasound(end, us_frame);
-    const double probe_mm = kMmPerM * sweep.geometry.probe_radius;
-    const double motor_mm = kMmPerM * sweep.geometry.motor_radius;
-    const std::size_t last = sweep.frame_angles.size() - 1;
-    for (std::size_t i = 0; i <= last; ++i) {
-      const double moved_rad = share * sweep.frame_angles[i];
-      const ::ros::Time stamp = end - ::ros::Duration(kPeriod_s * static_cast<double>(last - i));
-      const Isometry3d T = kPatientUs * T_us_frame_at_motor_angle(probe_mm, motor_mm, moved_rad);
-      if (with_stamps) sweep.frame_stamps.push_back(stamp);
-      sweep.frame_angles[i] -= moved_rad;
-      know(stamp, T, us_frame);
-      if (i == last) know(end + ::ros::Duration(0.5), T, us_frame);
-    }
-    us_.publish(sweep);
+    MovingSweep moving = moving_sweep(kPatientUs, share, 0.0, us_frame);
+    const ::ros::Time end = moving.sweep.header.stamp;
+    tf_.publish(moving.poses);
+    if (!with_stamps) moving.sweep.frame_stamps.clear();
+    us_.publish(moving.sweep);
     return points_of(us_cloud_.wait([&](const auto& cloud) { return cloud.header.stamp == end; }));
   }
 
