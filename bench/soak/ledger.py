@@ -1,4 +1,5 @@
-"""What is true, and whether what the system says agrees with it. Knows no ROS. Transforms are 4 x 4, mm; times are s."""
+"""The truth of a session, and the comparison of the system's statements with it. Knows no ROS.
+Transforms are 4 x 4, mm; times are s."""
 import bisect
 
 import numpy
@@ -34,7 +35,7 @@ class Anatomy:
 
 
 class Faults:
-    """What went wrong, in words; the first of each kind with its details."""
+    """Faults in words; the first of each kind with its details."""
 
     def __init__(self):
         self.counts, self.first = {}, {}
@@ -81,7 +82,7 @@ class Ledger:
         truth = self.truth(stamp, ct_crc32)
         if truth is None:
             self.faults.add("an alignment without truth", f"stamp {stamp:.3f}, CT {ct_crc32}: no sweep shows that")
-            # What it puts into tf is not reported again at each look-up.
+            # The transforms that it puts into tf are not reported again at each look-up.
             truth = next(iter(self.anatomies.values())), T
         else:
             error = truth[0].error_mm(T, truth[1])

@@ -11,7 +11,7 @@ LEAST_S = 240.0
 
 
 def own_mib(pid):
-    """What of a process's memory is no file, MiB; None if it has ended."""
+    """A process's memory that no file backs, MiB; None if it has ended."""
     try:
         status = pathlib.Path(f"/proc/{pid}/status").read_text()
     except OSError:

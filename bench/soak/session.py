@@ -88,7 +88,7 @@ class Session:
         rospy.Subscriber("/registration/result", RegistrationResult, self.take_result)
         rospy.Subscriber("/registration/alignment", Alignment, self.take_alignment)
 
-    # What arrives ---------------------------------------------------------------------------------
+    # Messages that arrive -----------------------------------------------------------------------
 
     def take_tf(self, message):
         for stamped in message.transforms:
@@ -262,7 +262,7 @@ class Session:
         time.sleep(REST_S)
 
     def restored(self):
-        """What the system offers after its start, if it kept something and has its CT: in the file, and in tf."""
+        """The alignment that the system offers after its start, if it kept one and has its CT: in file and tf."""
         content = read_file(self.plan["alignment_file"])
         kept = (content or {}).get("alignment")
         if self.plan["is_first"] or not kept or kept["ct_crc32"] != self.plan["ct_crc32"]:

@@ -180,7 +180,7 @@ class Runner:
             number += 1
 
     def last_kill(self, when):
-        """What was done to nodes in the 20 s before."""
+        """The faults that were injected into nodes in the 20 s before."""
         return [what for record in self.records for moment, what in record["kills"] if when - 20.0 < moment <= when + 1.0]
 
     def summary(self):

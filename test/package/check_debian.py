@@ -63,7 +63,7 @@ def check(project):
              if not package.startswith("python3-") and not package.endswith("-tools")}
     problems += differences("Build-Depends", built, source["Build-Depends"] - PACKAGING)
 
-    # What find_package(us_ct_registration) looks for.
+    # The packages that find_package(us_ct_registration) looks for.
     components = set(re.search(r"USCT_MESSAGE_PACKAGES ([^)]*)", cmake).group(1).split()) | \
         set(re.search(r"USCT_ROS_PACKAGES ([^)]*)", cmake).group(1).split())
     headers = {package for package in of(components | {"eigen"}) if is_development(package)}

@@ -44,7 +44,7 @@ class Camera {
   /// The point at z = 1 that is projected to a pixel. The pixel should be in the image or near it.
   Eigen::Vector3d ray(const Eigen::Vector2d& pixel) const;
 
-  /// How far the pixel of a point with z > 0 moves at most if the point moves by one unit of
+  /// The farthest that the pixel of a point with z > 0 moves if the point moves by one unit of
   /// length: the largest singular value of the derivative of `project`.
   double pixels_per_length(const Eigen::Vector3d& p) const;
 

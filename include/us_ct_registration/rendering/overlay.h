@@ -30,12 +30,12 @@ struct ImageView {
 /// The whole picture.
 ImageView view_of(Picture& picture);
 
-/// How one surface is drawn.
+/// A surface and the style in which it is drawn.
 struct OverlayStructure {
   std::shared_ptr<const Surface> surface;
   std::string name;
   Picture::Colour colour{255, 255, 255};
-  /// Of the fill where nothing else lies before it, [0, 1]. The outline is opaque.
+  /// Opacity of the fill where no other surface lies before it, [0, 1]. The outline is opaque.
   double opacity = 0.25;
   /// Radius of the uncertainty band, mm: the true position of each point of the surface is that far
   /// away or less, with the probability that the caller has chosen. Unset: no band.
@@ -98,7 +98,7 @@ class OverlayRenderer {
   std::unique_ptr<Buffers> buffers_;
 };
 
-/// How many letters of average width a line of `draw_line` has.
+/// The number of letters of average width that fit into a line of `draw_line`.
 std::size_t letters_per_line(const ImageView& image);
 
 /// A line of text over the image, on a dark strip from its left edge; `line` counts from the top,

@@ -94,7 +94,7 @@ struct PlacedSweep {
   /// The lag that was corrected, and where it comes from, in words.
   double corrected_lag_s = 0.0;
   std::string lag_source;
-  /// What a person should know of the sweep, in words; empty if nothing.
+  /// A fault of the sweep that a person should know of, in words; empty if there is none.
   std::string warning;
 };
 
@@ -108,9 +108,9 @@ struct PlacedSweep {
 PlacedSweep place_images(const ImageSweep& sweep, const ArrayPoseAt& pose_at,
                          const std::optional<LagEstimate>& known);
 
-/// Which of two estimates of the same lag to use: the one that is determined; of two, the one with
-/// the smaller standard error, or the later one if they contradict each other by more than three
-/// standard errors (the recording was changed). Empty if neither is determined.
+/// The better of two estimates of the same lag: the one that is determined; if both are, the one
+/// with the smaller standard error, or the later one if they contradict each other by more than
+/// three standard errors (the recording was changed). Empty if neither is determined.
 std::optional<LagEstimate> better_lag(const std::optional<LagEstimate>& earlier,
                                       const LagEstimate& later);
 

@@ -61,7 +61,7 @@ class Assessor {
                            const PatchComparison& patches, Assessment& result, Run& run);
   void compare_with_rivals(const EvidenceImages& on, const std::vector<Candidate>& optima,
                            const PatchComparison& patches, Measures& measures) const;
-  /// What the field of view itself says about the refined pose: agreement of its parts, and errors
+  /// Measures from the field of view alone at the refined pose: agreement of its parts, and errors
   /// of the acquisition unless the refinement estimated them.
   void check_field(const EvidenceImages& on, const Candidate& refined, Assessment& assessment,
                    Run& run) const;

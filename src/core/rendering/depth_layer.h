@@ -71,7 +71,7 @@ class DepthLayer {
   std::ptrdiff_t columns_ = 0;
   std::vector<float> inverse_depth_;
   std::vector<Span> spans_;
-  // Of the surface that is drawn: its points in the camera's frame, and in the image; 1 / z is 0
+  // The points of the surface that is drawn, in the camera's frame and in the image; 1 / z is 0
   // for points that are not before the camera.
   std::vector<Eigen::Vector3f> points_mm_;
   std::vector<Corner> corners_;

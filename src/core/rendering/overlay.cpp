@@ -88,7 +88,7 @@ double letter_scale(const ImageView& image) {
 
 }  // namespace
 
-/// What is kept from one image to the next.
+/// The memory that the renderer reuses from one image to the next.
 struct OverlayRenderer::Buffers {
   std::vector<DepthLayer> layers;  // one per structure
   Marks marks;

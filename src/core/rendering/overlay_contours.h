@@ -20,7 +20,7 @@ struct OutlinePixel {
 /// the border leaves the layer.
 std::vector<std::vector<OutlinePixel>> outlines_of(const DepthLayer& layer);
 
-/// How much of each pixel of an image is marked, 0 to 255.
+/// For each pixel of an image, the share of it that is marked, 0 to 255.
 class Marks {
  public:
   void reset(int width, int height);

@@ -21,8 +21,8 @@ OfferedResult from_message(const us_ct_registration::RegistrationResult& message
 /// The field `policy` is the caller's.
 us_ct_registration::Alignment to_message(const AlignmentState& state);
 
-/// What waits for a person's decision; the state NONE if nothing does. The field `policy` is the
-/// caller's.
+/// The alignment that waits for a person's decision; its state is NONE if none does. The field
+/// `policy` is the caller's.
 us_ct_registration::Alignment to_proposed_message(const AlignmentState& state);
 
 /// The alignment as messages that other packages know, with the stamp of the ultrasound.

@@ -46,8 +46,7 @@ Marker to_marker(int label, const Surface& surface, const LabelTable& labels,
   return marker;
 }
 
-/// How a pose of the CT is drawn that is no accepted alignment: the namespace and the colour of its
-/// markers.
+/// Namespace and colour of the markers of a pose of the CT that is no accepted alignment.
 struct Mark {
   const char* name;
   float red;

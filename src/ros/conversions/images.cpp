@@ -8,7 +8,7 @@
 namespace usct::ros_interface {
 namespace {
 
-/// Where a pixel has its colours; the three are the same byte if it has only a brightness.
+/// The bytes of a pixel that hold its colours; all three are one byte if it has only a brightness.
 struct Encoding {
   const char* name;
   std::uint32_t bytes;  // per pixel

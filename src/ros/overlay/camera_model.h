@@ -10,14 +10,14 @@
 
 namespace usct::ros_interface {
 
-/// How points of the frame that a CameraInfo names are projected to pixels of the image.
+/// The projection of points, from the frame that a CameraInfo names to pixels of the image.
 struct CameraModel {
   Camera camera;
   /// From the frame of the CameraInfo to that in which `camera` projects, mm.
   Eigen::Isometry3d T_camera_frame;
 };
 
-/// What a CameraInfo alone does not say.
+/// Facts about a camera that its CameraInfo does not state.
 struct CameraUse {
   /// The images are rectified: they follow P and R; raw images follow K and D.
   bool is_rectified = false;

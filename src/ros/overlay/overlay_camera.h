@@ -25,7 +25,7 @@ struct OverlayCameraOptions {
   std::string transport;  // of image_transport, like raw
 };
 
-/// What a camera did since the node started, for the diagnostics.
+/// Counts of a camera's images since the node started, for the diagnostics.
 struct OverlayCameraReport {
   bool is_subscribed = false;
   std::uint64_t received = 0;

@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
 #include "ros/conversions/poses.h"
 #include "ros/overlay/overlay_placement.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/rendering/result_marks.h"
 
 namespace usct::ros_interface {
@@ -49,14 +49,9 @@ ImageView view_of(sensor_msgs::Image& image) {
 }
 
 std::string bound_text(const OverlayScene& scene, double bound_m) {
-  char text[160];
-  const long minutes = std::lround(scene.age_s / 60.0);
-  if (std::isfinite(bound_m))
-    std::snprintf(text, sizeof text, "aligned %ld min ago; error < %.1f mm in 9 of 10 cases",
-                  minutes, kMmPerM * bound_m);
-  else
-    std::snprintf(text, sizeof text, "aligned %ld min ago", minutes);
-  return text;
+  const std::string age = formatted("aligned %ld min ago", std::lround(scene.age_s / 60.0));
+  if (!std::isfinite(bound_m)) return age;
+  return age + formatted("; error < %.1f mm in 9 of 10 cases", kMmPerM * bound_m);
 }
 
 /// Writes a text from this line on, and returns the line after it. Long texts are cut, so that they

@@ -32,7 +32,7 @@ struct OverlayJob {
   sensor_msgs::CameraInfoConstPtr info;  // null: `problem` says why there is none
   CameraUse use;
   std::string problem;
-  /// What is wrong with the images themselves, for people; may be empty.
+  /// A fault of the images themselves, in words; empty if there is none.
   std::string warning;
   ::ros::WallTime received;
 };

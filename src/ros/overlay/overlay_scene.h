@@ -19,7 +19,7 @@
 
 namespace usct::ros_interface {
 
-/// What the parameters say of a structure; the rest comes from `ct/surface`.
+/// The parameters of a structure; its surface, name and colour come from `ct/surface`.
 struct StructureStyle {
   bool is_visible = true;
   bool has_band = false;
@@ -37,9 +37,10 @@ struct OverlaySceneOptions {
   double old_after_s = 1800.0;
 };
 
-/// What is to be drawn into one image: the structures where the alignment has them.
+/// The structures to draw into one image, at the places that the alignment gives them.
 struct OverlayScene {
-  /// Why nothing may be drawn, in words; the fields up to `bound_mm` count only if it is empty.
+  /// The reason why nothing may be drawn, in words; the fields up to `bound_mm` count only if it is
+  /// empty.
   std::string refusal;
   std::string fixed_frame;
   std::string ct_frame;
@@ -47,11 +48,11 @@ struct OverlayScene {
   std::uint64_t result_id = 0;
   /// The visible structures; those with a band have `bound_mm` of the registration alone.
   std::vector<OverlayStructure> structures;
-  /// Of the registration, at the structure with a band for which it is largest, mm.
+  /// The error bound of the registration, at the structure with a band for which it is largest, mm.
   std::optional<double> bound_mm;
   /// The age of the ultrasound that was registered, at the image, s.
   double age_s = 0.0;
-  /// What a person who looks at the image has to know of the alignment, one line each.
+  /// Warnings about the alignment for the person who looks at the image, one line each.
   std::vector<std::string> warnings;
 };
 
@@ -68,7 +69,7 @@ class OverlaySceneKeeper {
   void take_pose(const geometry_msgs::PoseWithCovarianceStamped& message);
   void take_result(const us_ct_registration::RegistrationResult& message);
 
-  /// What may be drawn into an image with this stamp, s since 1970.
+  /// The scene to draw into an image with this stamp, s since 1970.
   OverlayScene at(const ::ros::Time& stamp) const;
   /// Whether the alignment is still that of the scene, and the surfaces are of its CT.
   bool is_current(const OverlayScene& scene) const;
@@ -85,7 +86,7 @@ class OverlaySceneKeeper {
 
   std::string why_not() const;
   std::vector<std::string> warnings_at(double age_s) const;
-  /// Of the registration at the surface, mm; unset: it is not known.
+  /// The error bound of the registration at the surface, mm; unset: it is not known.
   std::optional<double> bound_mm(const Surface& surface, const Eigen::Isometry3d& T_fixed_ct) const;
 
   const OverlaySceneOptions options_;

@@ -145,7 +145,7 @@ TEST(DepthLayer, LongEdgesFollowTheDistortion) {
   }
 }
 
-/// What one camera sees and another that is moved by a baseline b to the right differs by f b / z.
+/// The images of a camera and of another one, a baseline b to its right, differ by f b / z.
 TEST(DepthLayer, StereoDiffersByTheDisparity) {
   const Camera camera = camera_with(kNone);
   const double baseline = 5.0;

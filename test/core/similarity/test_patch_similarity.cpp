@@ -591,7 +591,7 @@ TEST(Catalogue, AMetricTakesASubsetOfTheSamplesOfItsPatches) {
     PatchOptions expected = cubes(5.0);
     expected.samples = SampleSubset::kHalf;
     EXPECT_EQ(patches_of(half), expected) << similarity_name(options);
-    // What takes half of the samples already does not take more.
+    // A similarity that takes half of the samples already takes no more.
     half = on_samples(half, SampleSubset::kAll);
     EXPECT_EQ(patches_of(half), expected) << similarity_name(options);
   }

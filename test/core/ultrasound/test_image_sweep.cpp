@@ -116,7 +116,7 @@ TEST(PlaceImages, TakesImageLagIfTheImagesDoNotDetermineItOrMayNot) {
   const PlacedSweep uncorrected = place_images(live.sweep(), live.poses(), {});
   EXPECT_EQ(uncorrected.corrected_lag_s, 0.1);
   EXPECT_LT(worst_mm(uncorrected, live, 0.1), 1e-6);
-  // What is left is found, and stated in full.
+  // The lag that is left is found, and stated in full.
   EXPECT_TRUE(uncorrected.lag.determined);
   EXPECT_NEAR(uncorrected.lag.lag_s, 0.3, 0.03);
   EXPECT_LE(uncorrected.lag.interval_s.first, 0.31);

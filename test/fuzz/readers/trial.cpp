@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int kMostFaults = 20;
 constexpr std::size_t kLargestCorpus = 2000;
 
-/// What the process that reads tells the one that waits for it.
+/// The memory by which the process that reads reports to the one that waits for it.
 struct Shared {
   std::uint64_t runs = 0;
   std::uint64_t accepted = 0;
@@ -70,7 +70,7 @@ std::string kind_of(const std::string& message) {
   return kind.substr(0, 100);
 }
 
-/// What one process does: it reads file after file.
+/// The work of one process: it reads file after file.
 class Worker {
  public:
   Worker(const Reader& reader, const TrialOptions& options, const fs::path& folder, Shared& shared)

@@ -31,8 +31,8 @@ struct Trial {
   /// Refusals that differ by more than numbers and names.
   std::size_t refusals = 0;
   double growth_mib = 0.0;
-  /// What went wrong, in words: a crash, a hang, an exception other than InputError, an error that
-  /// does not name the file, a leak.
+  /// Descriptions of the faults found: a crash, a hang, an exception other than InputError, an
+  /// error that does not name the file, a leak.
   std::vector<std::string> faults;
 };
 
