@@ -9,7 +9,7 @@
 namespace usct {
 namespace {
 
-constexpr double kLeastSpreadRatio = 0.05;
+constexpr double kLeastTriangleRatio = 0.05;
 
 Eigen::Matrix3Xd as_columns(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Matrix3Xd columns(3, static_cast<Eigen::Index>(points.size()));
@@ -26,8 +26,8 @@ LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_tar
     throw InputError("landmarks", std::to_string(points_target_mm.size()) + " target and " +
                                       std::to_string(points_source_mm.size()) +
                                       " source points, must be as many");
-  registration::spread_of(points_target_mm, kLeastSpreadRatio, "target landmarks");
-  registration::spread_of(points_source_mm, kLeastSpreadRatio, "source landmarks");
+  registration::spread_of(points_target_mm, kLeastTriangleRatio, "target landmarks");
+  registration::spread_of(points_source_mm, kLeastTriangleRatio, "source landmarks");
 
   const Eigen::Matrix3Xd target = as_columns(points_target_mm);
   const Eigen::Matrix3Xd source = as_columns(points_source_mm);
