@@ -11,14 +11,16 @@ file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/test_paths/test_paths.h CONTENT "#pra
 
 # usct_add_gtest(NAME SOURCES...): with ROS through catkin, so that catkin_test_results sees it.
 function(usct_add_gtest name)
+  set(sources ${ARGN})
+  usct_unite(sources ${PROJECT_SOURCE_DIR}/test)
   if(USCT_CORE_ONLY)
-    add_executable(${name} EXCLUDE_FROM_ALL ${ARGN})
+    add_executable(${name} EXCLUDE_FROM_ALL ${sources})
     target_link_libraries(${name} GTest::gtest GTest::gtest_main)
     add_dependencies(tests ${name})
     add_test(NAME ${name} COMMAND ${name}
       --gtest_output=xml:${PROJECT_BINARY_DIR}/test_results/${name}.xml)
   else()
-    catkin_add_gtest(${name} ${ARGN})
+    catkin_add_gtest(${name} ${sources})
     target_link_libraries(${name} ${GTEST_MAIN_LIBRARIES} ${GTEST_LIBRARIES})
   endif()
   target_include_directories(${name} PRIVATE
@@ -56,6 +58,7 @@ if(NOT USCT_CORE_ONLY)
     get_filename_component(name ${launch_file} NAME_WE)
     file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/test/ros/${name}/*.cpp)
     if(sources)
+      usct_unite(sources ${PROJECT_SOURCE_DIR}/test)
       add_rostest_gtest(test_${name} ${launch_file} ${sources})
       target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
       target_link_libraries(test_${name} ${PROJECT_NAME}_ros ${GTEST_LIBRARIES} usct_warnings)

@@ -19,4 +19,7 @@ endif()
 add_library(usct_warnings INTERFACE)
 target_compile_options(usct_warnings INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
-  $<$<BOOL:${USCT_WERROR}>:-Werror>)
+  $<$<BOOL:${USCT_WERROR}>:-Werror>
+  # GCC warns of a template with a type of an unnamed namespace unless it is in the file that is compiled; in a unit
+  # (units.cmake) no file is.
+  $<$<AND:$<BOOL:${USCT_UNITS}>,$<CXX_COMPILER_ID:GNU>>:-Wno-subobject-linkage>)

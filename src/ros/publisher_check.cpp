@@ -13,14 +13,14 @@ namespace usct::ros_interface {
 namespace {
 
 constexpr std::chrono::milliseconds kProbe(1000);
-constexpr std::chrono::milliseconds kPoll(10);
+constexpr std::chrono::milliseconds kConnectionPoll(10);
 
 bool within_probe_time(const std::function<bool()>& cancelled,
                        const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + kProbe;
   while (!condition()) {
     if (cancelled() || std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(kPoll);
+    std::this_thread::sleep_for(kConnectionPoll);
   }
   return true;
 }

@@ -18,7 +18,8 @@ copy_sources() {  # copy_sources DEVEL: as a user's checkout, whose messages are
   # The same files, compiled in the same way as in BUILD_FOLDER: with ccache they need not be compiled again.
   export CCACHE_BASEDIR=$source_dir CCACHE_NOHASHDIR=1 USCT_DEVEL=$1
   ln -s "$USCT_DEVEL" "$source_dir/build/devel"
-  as_project=(-DCMAKE_BUILD_TYPE=Release "-DCMAKE_CXX_COMPILER_LAUNCHER=$project/test/package/compile_as_project.sh")
+  as_project=(-DCMAKE_BUILD_TYPE=Release "-DUSCT_UNITS=$(units_of "$build" "$source_dir")"
+    "-DCMAKE_CXX_COMPILER_LAUNCHER=$project/test/package/compile_as_project.sh")
 }
 
 use_from() {  # use_from PREFIX: builds and runs the downstream package against it

@@ -31,7 +31,8 @@ build_packages() {
     export DEB_CFLAGS_SET= DEB_CXXFLAGS_SET= DEB_CPPFLAGS_SET=
     # debhelper sets LC_ALL, by which ccache would tell the objects apart.
     local launcher="env;-u;LC_ALL;$project/test/package/compile_as_project.sh"
-    export USCT_CMAKE_OPTIONS="-DUSCT_WERROR=ON '-DCMAKE_CXX_COMPILER_LAUNCHER=$launcher'"
+    local units; units=$(units_of "$build" "$source_dir")
+    export USCT_CMAKE_OPTIONS="-DUSCT_WERROR=ON '-DUSCT_UNITS=$units' '-DCMAKE_CXX_COMPILER_LAUNCHER=$launcher'"
   fi
   # debhelper looks for the archive's ROS below /usr, not in a workspace that was sourced here.
   (cd "$source_dir" && env -u CMAKE_PREFIX_PATH -u ROS_PACKAGE_PATH dpkg-buildpackage -b -us -uc)

@@ -7,6 +7,9 @@
 /// The tissues of the phantom, and their properties for X-rays and for ultrasound.
 namespace usct::phantom {
 
+/// Thickness of the skin.
+constexpr double kSkinMm = 2.0;
+
 /// The values are the labels of a phantom's label map; they are part of its file format.
 enum class Tissue : std::uint8_t {
   kAir = 0,

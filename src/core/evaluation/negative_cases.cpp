@@ -16,7 +16,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 constexpr double kGreyPerDecibel = 255.0 / 60.0;
-enum Purpose : std::uint64_t { kSpeckle = 11, kApart };
+enum NegativePurpose : std::uint64_t { kSpeckle = 11, kApart };
 
 std::vector<double> mean_grey_over_depth(const PreScanVolume& ultrasound) {
   const int samples = ultrasound.geometry.samples();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/centroid.h"
 #include "phantom/random.h"
 #include "require.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -17,14 +18,6 @@ using phantom::Sequence;
 
 /// Purposes of random numbers, each of which has its own stream.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };
-
-Vector3d centroid(const std::vector<Vector3d>& points_mm) {
-  if (points_mm.empty()) throw InputError("targets", "there are 0, must be at least 1");
-  Vector3d sum = Vector3d::Zero();
-  for (const Vector3d& p : points_mm) sum += p;
-  if (!sum.allFinite()) throw InputError("targets", "must be finite");
-  return sum / static_cast<double>(points_mm.size());
-}
 
 /// The angle at which chords `2 r sin(angle / 2)` of the points are `displacement_mm` on average.
 double angle_that_moves_by(double displacement_mm, const Vector3d& centre_mm, const Vector3d& axis,

@@ -1,5 +1,6 @@
 #include "us_ct_registration/evaluation/study_case.h"
 
+#include "geometry/centroid.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -11,12 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
-
-Vector3d centroid(const std::vector<Vector3d>& points_mm) {
-  Vector3d sum = Vector3d::Zero();
-  for (const Vector3d& p : points_mm) sum += p;
-  return sum / static_cast<double>(points_mm.size());
-}
 
 std::string name_of(const fs::path& folder) {
   const fs::path path = fs::absolute(folder).lexically_normal();

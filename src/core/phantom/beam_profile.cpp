@@ -2,13 +2,13 @@
 
 #include <cmath>
 
+#include "phantom/gaussian.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {
 namespace {
 
 constexpr double kSpeedMmPerUs = 1.54;
-constexpr double kFwhmPerSigma = 2.3548200450309493;
 // Width of the beam of an apodised aperture at its focus, in wavelengths times f-number.
 constexpr double kDiffraction = 1.3;
 // Opening of the geometric cone of an apodised aperture, out of focus.

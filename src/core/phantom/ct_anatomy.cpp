@@ -22,7 +22,6 @@ constexpr double kHuSmoothingMm = 1.0;
 /// Distance to objects outside the label map.
 constexpr float kFarMm = 1e3F;
 
-constexpr double kSkinMm = 2.0;
 constexpr float kCortexMm = 7.0F;
 constexpr float kSinusMm = 15.0F;
 constexpr float kPerirenalMm = 18.0F;

@@ -6,6 +6,7 @@
 
 #include "parallel.h"
 #include "phantom/check.h"
+#include "phantom/gaussian.h"
 #include "phantom/random.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
@@ -16,7 +17,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr double kFwhmPerSigma = 2.3548200450309493;
 constexpr int kSupersampling = 3;  // per axis
 
 /// Patient axis (0, 1, 2) and sense of a letter of `CtOptions::axes`.

@@ -11,8 +11,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-const char* const kSource = "from-ct";
-
 /// Every n-th voxel of the CT, 255 if it is not air.
 MaskVolume coarse_body_candidates(const CtVolume& ct) {
   const Vector3i step = (kBodyVoxelMm / ct.grid.spacing_mm.array()).round().max(1.0).cast<int>();
@@ -70,7 +68,7 @@ MaskVolume body_mask(const CtVolume& ct) {
         }
       }
   if (largest < 1000)
-    throw InputError(kSource, "the CT holds no body (no connected region above -300 HU)");
+    throw InputError(kFromCt, "the CT holds no body (no connected region above -300 HU)");
   flood(mask, seed_of_largest, 1, 2);
   for (std::uint8_t& m : mask.voxels) m = m == 2 ? 255 : 0;
   // Outer air touches the sides of the volume, not only its first and last axial slice (lungs do).
@@ -98,7 +96,7 @@ MaskVolume mask_of_label(const LabelVolume& labels, int label) {
         if (labels.at(i, j, k) == label)
           points.push_back(labels.grid.physical_from_index(Vector3d(i, j, k)));
   if (points.empty())
-    throw InputError(kSource, "label " + std::to_string(label) + " is not in the label map");
+    throw InputError(kFromCt, "label " + std::to_string(label) + " is not in the label map");
   const LabelVolume part = crop(labels, region_around(labels.grid, points, 30.0));
   MaskVolume mask(part.grid);
   for (std::size_t i = 0; i < mask.voxels.size(); ++i)

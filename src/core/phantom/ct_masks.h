@@ -5,6 +5,8 @@
 /// Masks of the objects in a CT and in its label map: 255 in the object, 0 elsewhere.
 namespace usct::phantom {
 
+/// The source that errors of the scene "from-ct" name.
+constexpr const char* kFromCt = "from-ct";
 /// HU below which a CT shows air.
 constexpr float kAirHu = -300.0F;
 /// Approximate size of the voxels of the body's mask, unless those of the CT are larger.

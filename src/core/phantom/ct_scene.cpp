@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "phantom/ct_anatomy.h"
+#include "phantom/ct_masks.h"
 #include "phantom/random.h"
 #include "phantom/scenes.h"
 #include "us_ct_registration/error.h"
@@ -13,8 +14,6 @@ namespace {
 
 using Eigen::AngleAxisd;
 using Eigen::Vector3d;
-
-const char* const kSource = "from-ct";
 
 struct View {
   Vector3d outwards;
@@ -97,7 +96,7 @@ View best_view(const CtAnatomy& anatomy, Approach approach, double standoff_mm, 
       best_tilt = tilt;
     }
   if (best.score < 0.0)
-    throw InputError(kSource, "no skin in the CT from which a probe could see the kidney");
+    throw InputError(kFromCt, "no skin in the CT from which a probe could see the kidney");
   // The aim is somewhat beside the best position, as with a probe held by a person.
   const Vector3d aim =
       centre + Vector3d(random.gaussian(0, 3), random.gaussian(0, 3), random.gaussian(0, 4));
@@ -118,15 +117,15 @@ Vector3d long_axis(const std::vector<Vector3d>& points, const Vector3d& centre) 
 }
 
 void validate_input(const CtVolume& ct, const LabelVolume& labels, const FromCtOptions& from_ct) {
-  ct.grid.validate(kSource);
+  ct.grid.validate(kFromCt);
   if (from_ct.kidney_label.has_value() == from_ct.kidney_centre_mm.has_value())
-    throw InputError(kSource, "needs either 'kidney_label' or 'kidney_centre_mm'");
+    throw InputError(kFromCt, "needs either 'kidney_label' or 'kidney_centre_mm'");
   if (!from_ct.tissue_of_label.empty() && labels.voxels.empty())
-    throw InputError(kSource, "'tissue_of_label' is set, but there is no label map");
+    throw InputError(kFromCt, "'tissue_of_label' is set, but there is no label map");
   if (!from_ct.kidney_label) return;
   const auto found = from_ct.tissue_of_label.find(*from_ct.kidney_label);
   if (found == from_ct.tissue_of_label.end() || found->second != Tissue::kCortex)
-    throw InputError(kSource, "'tissue_of_label' of the kidney's label " +
+    throw InputError(kFromCt, "'tissue_of_label' of the kidney's label " +
                                   std::to_string(*from_ct.kidney_label) + " must be cortex");
 }
 

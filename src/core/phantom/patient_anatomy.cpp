@@ -13,7 +13,6 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-constexpr double kSkinMm = 2.0;
 constexpr double kFasciaMm = 0.7;
 constexpr double kCorticalShellMm = 1.3;
 constexpr double kVertebraPitchMm = 38.0;

@@ -10,7 +10,7 @@
 namespace usct::phantom {
 namespace {
 
-constexpr float kFar = 1e12F;
+constexpr float kUnreached = 1e12F;
 
 /// Lower envelope of parabolas with apices (i * spacing, f[i]), evaluated at every i.
 void transform_row(std::vector<float>& f, double spacing) {
@@ -51,7 +51,7 @@ void transform_row(std::vector<float>& f, double spacing) {
 Volume<float> squared_distance(const MaskVolume& mask, bool wanted) {
   Volume<float> d(mask.grid);
   for (std::size_t i = 0; i < d.voxels.size(); ++i)
-    d.voxels[i] = (mask.voxels[i] != 0) == wanted ? 0.0F : kFar;
+    d.voxels[i] = (mask.voxels[i] != 0) == wanted ? 0.0F : kUnreached;
   const Eigen::Vector3i& size = mask.grid.size;
   for (int axis = 0; axis < 3; ++axis) {
     const int a = axis == 0 ? 1 : 0;

@@ -35,7 +35,7 @@ void visit_beams(const ScannedBody& body, const BeamGrid& beams, const Visit& vi
 }
 
 /// Distance of a block from the beams.
-enum Mark : std::uint8_t { kFar, kNextButOne, kNext, kPassed };
+enum Mark : std::uint8_t { kFarOff, kNextButOne, kNext, kPassed };
 
 /// The blocks of the lattice around the beams, each with its mark.
 struct MarkedBlocks {
@@ -78,7 +78,7 @@ MarkedBlocks mark_blocks(const ScannedBody& body, const BeamGrid& beams) {
   blocks.marks.assign(static_cast<std::size_t>(blocks.count.x()) *
                           static_cast<std::size_t>(blocks.count.y()) *
                           static_cast<std::size_t>(blocks.count.z()),
-                      kFar);
+                      kFarOff);
   visit_beams(body, beams,
               [&](const Vector3i& block) { blocks.marks[blocks.index(block - low)] = kPassed; });
   blocks.spread(kPassed);

@@ -21,7 +21,7 @@ using Outlines = std::vector<std::vector<OutlinePixel>>;
 
 /// Outlines of structures with a band are followed this far beyond the image, pixels, because the
 /// band of what is drawn there may reach into it.
-constexpr int kMarginPx = 160;
+constexpr int kBandMarginPx = 160;
 /// Weight of a colour that hides what was there.
 constexpr unsigned kOpaque = 256;
 
@@ -183,7 +183,7 @@ OverlayCoverage OverlayRenderer::draw(const ImageView& image, const Camera& came
   const std::size_t count = structures.size();
   if (b.layers.size() < count) b.layers.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
-    b.layers[i].reset(image.width, image.height, structures[i].bound_mm ? kMarginPx : 0);
+    b.layers[i].reset(image.width, image.height, structures[i].bound_mm ? kBandMarginPx : 0);
     b.layers[i].draw(*structures[i].surface, camera, T_camera_ct, kNearestMm, kLongestEdgePx);
   }
   OverlayCoverage coverage(count, 0);

@@ -15,7 +15,6 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using rendering::Panels;
 
-constexpr int kMarginPx = 6;
 constexpr int kLegendPx = 24;
 constexpr int kCaptionPx = 16;
 constexpr int kParallelSlices = 5;
@@ -28,12 +27,10 @@ Isometry3d required_pose(const RegistrationResult& result) {
   return *T_us_ct;
 }
 
-bool is_refused(const RegistrationResult& result) { return !result.T_us_ct.has_value(); }
-
 using Row = std::vector<Picture>;
 
 void caption(Picture& picture, const std::string& text) {
-  draw_text(picture, text, kMarginPx, kCaptionPx);
+  draw_text(picture, text, kTextMarginPx, kCaptionPx);
 }
 
 /// The panels below a header with the result in words and the legend.
@@ -41,7 +38,7 @@ Picture sheet(const std::vector<Row>& rows, const Panels& panels,
               const RegistrationResult& result) {
   const Picture body = tile(rows);
   Picture legend(body.width, kLegendPx);
-  panels.draw_legend(legend, kMarginPx, kLegendPx - kMarginPx);
+  panels.draw_legend(legend, kTextMarginPx, kLegendPx - kTextMarginPx);
   return tile({{result_header(result, body.width)}, {legend}, {body}});
 }
 

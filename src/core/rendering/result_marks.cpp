@@ -12,13 +12,10 @@ namespace {
 
 const Picture::Colour kRefusedColour(225, 0, 0);
 const Picture::Colour kHeaderColour(30, 30, 30);
-constexpr int kMarginPx = 6;
 constexpr int kLinePx = 24;
 constexpr int kFrameWidthPx = 3;
 /// Width of a letter of `draw_text`, generously.
 constexpr int kLetterPx = 9;
-
-bool is_refused(const RegistrationResult& result) { return !result.T_us_ct.has_value(); }
 
 void fill(Picture& picture, int left, int top, int width, int height,
           const Picture::Colour& colour) {
@@ -68,19 +65,21 @@ void mark_if_refused(std::vector<Picture>& panels, const RegistrationResult& res
     fill(picture, 0, picture.height - px, picture.width, px, kRefusedColour);
     fill(picture, 0, 0, px, picture.height, kRefusedColour);
     fill(picture, picture.width - px, 0, px, picture.height, kRefusedColour);
-    draw_text(picture, "REFUSED", kMarginPx, picture.height - 2 * kMarginPx, kRefusedColour);
+    draw_text(picture, "REFUSED", kTextMarginPx, picture.height - 2 * kTextMarginPx,
+              kRefusedColour);
   }
 }
 
 Picture result_header(const RegistrationResult& result, int width) {
-  const std::vector<std::string> lines = wrapped(
-      headline(result), static_cast<std::size_t>(std::max(1, (width - 2 * kMarginPx) / kLetterPx)));
+  const std::vector<std::string> lines =
+      wrapped(headline(result),
+              static_cast<std::size_t>(std::max(1, (width - 2 * kTextMarginPx) / kLetterPx)));
   Picture header(width, kLinePx * static_cast<int>(lines.size()));
   fill(header, 0, 0, header.width, header.height,
        is_refused(result) ? kRefusedColour : kHeaderColour);
   int bottom = 0;
   for (const std::string& line : lines)
-    draw_text(header, line, kMarginPx, (bottom += kLinePx) - kMarginPx);
+    draw_text(header, line, kTextMarginPx, (bottom += kLinePx) - kTextMarginPx);
   return header;
 }
 

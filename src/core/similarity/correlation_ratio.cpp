@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "similarity/packed_ct.h"
 #include "similarity/pose_by_pose.h"
 #include "similarity/require_metric.h"
 #include "similarity/sampled_ultrasound.h"
 
 namespace usct {
 namespace {
-
-constexpr float kLargestByte = 255.0F;
 
 /// eta^2 = 1 - E[Var(U | CT)] / Var(U).
 class CorrelationRatio final : public PoseByPose {

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "similarity/packed_ct.h"
+
 namespace usct {
 namespace {
 
 constexpr double kLowQuantile = 0.005;
 constexpr double kHighQuantile = 0.995;
-constexpr float kLargestByte = 255.0F;
 /// Bins at either end of the CT's window that only the tails of splines reach.
 constexpr int kMargin = 2;
 /// Bin number of padding.

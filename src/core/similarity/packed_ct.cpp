@@ -9,8 +9,6 @@
 namespace usct {
 namespace {
 
-constexpr double kLargestByte = 255.0;
-
 /// One row of the CT in bytes, on the scale of the window.
 class RowBytes {
  public:
@@ -23,8 +21,8 @@ class RowBytes {
     const float* row = &ct_hu_.at(0, j, k);
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       const float level = (row[i] - low_) * scale_ + 0.5F;
-      bytes[i] = static_cast<std::uint8_t>(static_cast<std::int32_t>(
-          std::min(std::max(level, 0.5F), static_cast<float>(kLargestByte) + 0.5F)));
+      bytes[i] = static_cast<std::uint8_t>(
+          static_cast<std::int32_t>(std::min(std::max(level, 0.5F), kLargestByte + 0.5F)));
     }
   }
 

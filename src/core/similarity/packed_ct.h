@@ -9,6 +9,9 @@
 
 namespace usct {
 
+/// The highest value of a voxel of a PackedCt.
+constexpr float kLargestByte = 255.0F;
+
 /// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values. Each voxel
 /// is stored with its neighbour along j, so that two loads of 32 bits fetch the eight voxels of a
 /// cell, for value and gradient. Words with more neighbours would take fewer loads, but the CT

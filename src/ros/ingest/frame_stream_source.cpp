@@ -14,7 +14,6 @@ namespace msg = us_ct_registration;
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr unsigned kFrameQueue = 500;
-constexpr double kPauseCheckPeriod_s = 0.05;
 
 geometry_msgs::Pose as_pose(const geometry_msgs::Transform& transform) {
   geometry_msgs::Pose pose;

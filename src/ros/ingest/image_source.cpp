@@ -22,7 +22,6 @@ using Code = msg::StatusCode;
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::uint32_t kImageQueue = 30;
-constexpr double kPauseCheckPeriod_s = 0.05;
 
 std::string counted(const Counts& counts) {
   std::string text;

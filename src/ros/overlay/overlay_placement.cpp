@@ -13,7 +13,7 @@
 namespace usct::ros_interface {
 namespace {
 
-using Status = us_ct_registration::StatusCode;
+using Code = us_ct_registration::StatusCode;
 
 void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
                         const std::string& source, const ::ros::Time& stamp, double timeout_s) {
@@ -24,9 +24,9 @@ void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
     std::string why;  // tf2 appends to it
     if (tf.canTransform(target, source, stamp, &why)) return;
     if (Clock::now() >= end)
-      throw Refusal(Status::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
-                                                "' at the image's stamp " + seconds_text(stamp) +
-                                                ": " + why);
+      throw Refusal(Code::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
+                                              "' at the image's stamp " + seconds_text(stamp) +
+                                              ": " + why);
     std::this_thread::sleep_for(kPause);
   }
 }
@@ -43,23 +43,23 @@ Eigen::Isometry3d T_camera_ct_at(const tf2::BufferCore& tf, const OverlayScene& 
                                  const ::ros::Time& now, double timeout_s) try {
   constexpr double kSameMm = 1e-3;
   constexpr double kSameRad = 1e-6;
-  if (stamp.isZero()) throw Refusal(Status::INVALID_MESSAGE, "the image has no stamp");
-  if (camera_frame.empty()) throw Refusal(Status::INVALID_MESSAGE, "the image has no frame_id");
+  if (stamp.isZero()) throw Refusal(Code::INVALID_MESSAGE, "the image has no stamp");
+  if (camera_frame.empty()) throw Refusal(Code::INVALID_MESSAGE, "the image has no frame_id");
   require_not_ahead(stamp, now, "the image", "header.stamp");
   wait_for_transform(tf, camera_frame, scene.ct_frame, stamp, timeout_s);
   const Eigen::Isometry3d T_fixed_ct = look_up(tf, scene.fixed_frame, scene.ct_frame, stamp);
   const Eigen::Isometry3d difference = scene.T_fixed_ct.inverse() * T_fixed_ct;
   if (difference.translation().norm() > kSameMm ||
       Eigen::AngleAxisd(difference.linear()).angle() > kSameRad)
-    throw Refusal(Status::TF_STALE, "at the image's stamp " + seconds_text(stamp) +
-                                        " tf has the CT where another alignment has it");
+    throw Refusal(Code::TF_STALE, "at the image's stamp " + seconds_text(stamp) +
+                                      " tf has the CT where another alignment has it");
   return look_up(tf, camera_frame, scene.fixed_frame, stamp) * T_fixed_ct;
 } catch (const Refusal&) {
   throw;
 } catch (const InputError& error) {
-  throw Refusal(Status::INVALID_MESSAGE, error.what());
+  throw Refusal(Code::INVALID_MESSAGE, error.what());
 } catch (const std::exception& error) {
-  throw Refusal(Status::TF_UNAVAILABLE, error.what());
+  throw Refusal(Code::TF_UNAVAILABLE, error.what());
 }
 
 }  // namespace usct::ros_interface

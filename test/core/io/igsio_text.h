@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/io/bad_files.h"
+#include "core/io/replaced.h"
 #include "us_ct_registration/io/ultrasound/igsio.h"
 
 /// A small tracked sequence as text: two frames of 3 x 2 pixels.
@@ -26,13 +27,7 @@ inline const std::string kData = "abcdefghijkl";
 
 inline std::string good_file() { return kHeader + "ElementDataFile = LOCAL\n" + kData; }
 
-inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
-  return text.replace(at, from.size(), to);
-}
-
-inline IgsioSequence read(const std::string& content) {
+inline IgsioSequence read_sequence(const std::string& content) {
   const TemporaryFolder folder;
   return read_igsio(spit(folder.path() / "sweep.igs.mha", content));
 }

@@ -11,7 +11,7 @@ namespace {
 using test::expect_input_error;
 using test::good_file;
 using test::kData;
-using test::read;
+using test::read_sequence;
 using test::replaced;
 using test::spit;
 using test::TemporaryFolder;
@@ -21,7 +21,7 @@ std::string text_of(const OrientedImage& image) {
 }
 
 TEST(Igsio, ReadsPosesStampsStatusAndOtherFields) {
-  const IgsioSequence sequence = read(good_file());
+  const IgsioSequence sequence = read_sequence(good_file());
   EXPECT_EQ(sequence.width, 3);
   EXPECT_EQ(sequence.height, 2);
   EXPECT_EQ(sequence.orientation, "MFA");
@@ -62,7 +62,7 @@ TEST(Igsio, ReadsASingleFrameWithTwoAxesAndDetachedData) {
 }
 
 TEST(Igsio, WhatIsWrittenComesBackAndIsAMetaImageForOtherPrograms) {
-  const IgsioSequence sequence = read(good_file());
+  const IgsioSequence sequence = read_sequence(good_file());
   for (const bool compressed : {false, true}) {
     const TemporaryFolder folder;
     const std::string path = (folder.path() / "out.mha").string();
@@ -102,7 +102,7 @@ TEST(Igsio, WhatIsWrittenComesBackAndIsAMetaImageForOtherPrograms) {
 
 TEST(Igsio, AFileWithTwoAxesIsWrittenWithThree) {
   const TemporaryFolder folder;
-  const IgsioSequence sequence = read(
+  const IgsioSequence sequence = read_sequence(
       "ObjectType = Image\nNDims = 2\nDimSize = 3 2\nOffset = 0 0\nTransformMatrix = 1 0 0 1\n"
       "ElementSpacing = 1 1\nKinds = domain domain\nElementType = MET_UCHAR\n"
       "ElementDataFile = LOCAL\nabcdef");
@@ -119,7 +119,7 @@ TEST(Igsio, AFileWithTwoAxesIsWrittenWithThree) {
 
 TEST(Igsio, TurnsFramesBetweenOrientations) {
   // Rows "abc" (near) and "def" (far), columns from the marked to the other side as stored.
-  IgsioSequence sequence = read(good_file());
+  IgsioSequence sequence = read_sequence(good_file());
   const auto turned = [&](const std::string& from, const std::string& to) {
     sequence.orientation = from;
     return text_of(oriented_frame(sequence, 0, to, "sweep"));
@@ -153,7 +153,7 @@ TEST(Igsio, LinesWithPosesBecomeAPreScanVolume) {
   probe.array = LinearArray{{-1.0, 1.0}};
   probe.sampling.imaging_depth_mm = 6.0;
   const TrackedSweep sweep{{Eigen::Isometry3d::Identity(), Eigen::Isometry3d::Identity()}, {}};
-  IgsioSequence sequence = read(replaced(good_file(), "MFA", "NM"));
+  IgsioSequence sequence = read_sequence(replaced(good_file(), "MFA", "NM"));
   const PreScanVolume volume = to_prescan(sequence, probe, sweep, "sweep");
   EXPECT_EQ(volume.geometry.axial.spacing_mm, 2.0);
   EXPECT_EQ(volume.at(0, 0, 0), 'c');  // near is last in the file, first in the volume
@@ -166,7 +166,7 @@ TEST(Igsio, NamesTheFieldThatIsWrong) {
   const auto refuse = [](const std::string& from, const std::string& to,
                          std::initializer_list<std::string> fragments) {
     SCOPED_TRACE(from + " -> " + to);
-    expect_input_error([&] { read(replaced(good_file(), from, to)); }, fragments);
+    expect_input_error([&] { read_sequence(replaced(good_file(), from, to)); }, fragments);
   };
   refuse("ObjectType = Image\n", "ObjectType = Mesh\n", {"sweep.igs.mha", "ObjectType"});
   refuse("NDims = 3", "NDims = 4", {"NDims", "4"});
@@ -201,30 +201,30 @@ TEST(Igsio, NamesTheFieldThatIsWrong) {
          {"CompressedDataSize", "11", "12"});
   std::string huge = replaced(good_file(), "DimSize = 3 2 2", "DimSize = 2147483647 1000 2");
   expect_input_error(
-      [&] { read(replaced(huge, "CompressedData = False", "CompressedData = True")); },
+      [&] { read_sequence(replaced(huge, "CompressedData = False", "CompressedData = True")); },
       {"cannot hold"});
   std::string big = replaced(good_file(), "DimSize = 3 2 2", "DimSize = 3 1 2");
   big = replaced(big, "OrderMSB = False", "OrderMSB = True");
-  EXPECT_NO_THROW(read(
+  EXPECT_NO_THROW(read_sequence(
       replaced(replaced(good_file(), "OrderMSB = False", "OrderMSB = True"), "3 2 2", "3 2 2")));
-  expect_input_error([&] { read(replaced(big, "MET_UCHAR", "MET_SHORT")); }, {"OrderMSB"});
+  expect_input_error([&] { read_sequence(replaced(big, "MET_UCHAR", "MET_SHORT")); }, {"OrderMSB"});
 }
 
 TEST(Igsio, RefusesBrokenFiles) {
   const auto read_path = [](const std::filesystem::path& path) { read_igsio(path); };
   test::expect_refuses_broken_files(read_path, test::to_bytes(good_file()), ".igs.mha");
   const TemporaryFolder folder;
-  write_igsio(read(good_file()), folder.path() / "compressed.mha", true);
+  write_igsio(read_sequence(good_file()), folder.path() / "compressed.mha", true);
   test::expect_refuses_broken_files(read_path, test::slurp(folder.path() / "compressed.mha"),
                                     ".mha");
 }
 
 TEST(Igsio, WhatCannotStandInAHeaderIsNotWritten) {
   const TemporaryFolder folder;
-  IgsioSequence sequence = read(good_file());
+  IgsioSequence sequence = read_sequence(good_file());
   sequence.frames[0].fields["Note"] = "a\nElementDataFile = /etc/passwd";
   expect_input_error([&] { write_igsio(sequence, folder.path() / "out.mha", false); }, {"Note"});
-  sequence = read(good_file());
+  sequence = read_sequence(good_file());
   sequence.data.pop_back();
   expect_input_error([&] { write_igsio(sequence, folder.path() / "out.mha", false); },
                      {"11", "12"});

@@ -12,13 +12,14 @@ using test::expect_input_error;
 using test::spit;
 using test::TemporaryFolder;
 
-std::vector<Eigen::Vector3d> read(const std::string& content) {
+std::vector<Eigen::Vector3d> read_points_from(const std::string& content) {
   const TemporaryFolder folder;
   return read_points_mm(spit(folder.path() / "points.csv", content));
 }
 
 TEST(PointsIo, ReadsWhatSpreadsheetsWrite) {
-  const std::vector<Eigen::Vector3d> points = read("x,y,z\r\n1, 2.5,-3e2\r\n+4,5,6\r\n\r\n");
+  const std::vector<Eigen::Vector3d> points =
+      read_points_from("x,y,z\r\n1, 2.5,-3e2\r\n+4,5,6\r\n\r\n");
   ASSERT_EQ(points.size(), 2U);
   EXPECT_EQ(points[0], Eigen::Vector3d(1, 2.5, -300));
   EXPECT_EQ(points[1], Eigen::Vector3d(4, 5, 6));
@@ -33,14 +34,14 @@ TEST(PointsIo, NumbersComeBackBitByBit) {
 }
 
 TEST(PointsIo, NamesTheLineThatIsWrong) {
-  expect_input_error([] { read("1,2,3\n4,5,6\n"); }, {"points.csv", "line 1", "x,y,z"});
-  expect_input_error([] { read("x,y,z\n1,2,3\n1,2\n"); }, {"line 3", "2 fields"});
-  expect_input_error([] { read("x,y,z\n1,2,3,4\n"); }, {"line 2", "4 fields"});
-  expect_input_error([] { read("x,y,z\n1,2,nan\n"); }, {"line 2 z", "nan", "finite"});
-  expect_input_error([] { read("x,y,z\n1,,3\n"); }, {"line 2 y"});
-  expect_input_error([] { read("x,y,z\n1,2,3mm\n"); }, {"line 2 z", "3mm"});
-  expect_input_error([] { read("x,y,z\n"); }, {"no points"});
-  expect_input_error([] { read("x,y,z\n1;2;3\n"); }, {"line 2", "1 fields"});
+  expect_input_error([] { read_points_from("1,2,3\n4,5,6\n"); }, {"points.csv", "line 1", "x,y,z"});
+  expect_input_error([] { read_points_from("x,y,z\n1,2,3\n1,2\n"); }, {"line 3", "2 fields"});
+  expect_input_error([] { read_points_from("x,y,z\n1,2,3,4\n"); }, {"line 2", "4 fields"});
+  expect_input_error([] { read_points_from("x,y,z\n1,2,nan\n"); }, {"line 2 z", "nan", "finite"});
+  expect_input_error([] { read_points_from("x,y,z\n1,,3\n"); }, {"line 2 y"});
+  expect_input_error([] { read_points_from("x,y,z\n1,2,3mm\n"); }, {"line 2 z", "3mm"});
+  expect_input_error([] { read_points_from("x,y,z\n"); }, {"no points"});
+  expect_input_error([] { read_points_from("x,y,z\n1;2;3\n"); }, {"line 2", "1 fields"});
 }
 
 TEST(PointsIo, RefusesBrokenFiles) {

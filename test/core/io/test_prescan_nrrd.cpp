@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/io/bad_files.h"
+#include "core/io/replaced.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
@@ -13,6 +14,7 @@ namespace usct {
 namespace {
 
 using test::expect_input_error;
+using test::replaced;
 using test::spit;
 using test::TemporaryFolder;
 
@@ -31,20 +33,14 @@ const std::string kData = "abcdefghijkl";
 std::string motorised_file() { return kSizes + kSampling + kMotorised + "\n" + kData; }
 std::string tracked_file() { return kSizes + kSampling + kTracked + "\n" + kData; }
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
-  return text.replace(at, from.size(), to);
-}
-
 /// Reads a file of this content.
-PreScanVolume read(const std::string& content) {
+PreScanVolume read_prescan(const std::string& content) {
   const TemporaryFolder folder;
   return read_prescan_nrrd(spit(folder.path() / "sweep.nrrd", content));
 }
 
 TEST(PreScanNrrd, ReadsAMotorisedSweepWrittenByHand) {
-  const PreScanVolume volume = read(motorised_file());
+  const PreScanVolume volume = read_prescan(motorised_file());
   EXPECT_EQ(volume.geometry.samples(), 3);
   EXPECT_EQ(volume.geometry.axial.start_depth_mm, 1.5);
   EXPECT_EQ(volume.geometry.axial.spacing_mm, 0.308);
@@ -63,7 +59,7 @@ TEST(PreScanNrrd, ReadsAMotorisedSweepWrittenByHand) {
 }
 
 TEST(PreScanNrrd, ReadsATrackedSweepWrittenByHand) {
-  const PreScanVolume volume = read(tracked_file());
+  const PreScanVolume volume = read_prescan(tracked_file());
   EXPECT_EQ(std::get<LinearArray>(volume.geometry.array).line_positions_mm,
             (std::vector<double>{-1.0, 2.5}));
   const auto& sweep = std::get<TrackedSweep>(volume.geometry.motion);
@@ -180,7 +176,7 @@ RC_GTEST_PROP(PreScanNrrd, WhatIsWrittenComesBack, ()) {
 
 TEST(PreScanNrrd, IsAPlainNrrdForOtherPrograms) {
   const TemporaryFolder folder;
-  const PreScanVolume volume = read(motorised_file());
+  const PreScanVolume volume = read_prescan(motorised_file());
   const std::string path = (folder.path() / "sweep.nrrd").string();
   write_prescan_nrrd(volume, path);
   const auto io = itk::NrrdImageIO::New();
@@ -230,7 +226,7 @@ TEST(PreScanNrrd, ReadsWhatAnotherProgramHasSavedAgain) {
 TEST(PreScanNrrd, RefusesWhatIsMissingDoubleOrContradicted) {
   const auto refuse = [](const std::string& content, std::initializer_list<std::string> fragments) {
     SCOPED_TRACE(content);
-    expect_input_error([&] { read(content); }, fragments);
+    expect_input_error([&] { read_prescan(content); }, fragments);
   };
   const std::string good = motorised_file();
   refuse(replaced(good, "probe_radius_mm:=40\n", ""), {"sweep.nrrd", "probe_radius_mm", "missing"});
@@ -274,7 +270,7 @@ TEST(PreScanNrrd, RefusesWhatIsMissingDoubleOrContradicted) {
 
 TEST(PreScanNrrd, LeavesKeysOfOtherProgramsAlone) {
   EXPECT_NO_THROW(
-      read(replaced(motorised_file(), "usct_geometry", "patient:=none\nusct_geometry")));
+      read_prescan(replaced(motorised_file(), "usct_geometry", "patient:=none\nusct_geometry")));
 }
 
 TEST(PreScanNrrd, RefusesSizesThatTheDataDoNotBear) {
@@ -282,7 +278,7 @@ TEST(PreScanNrrd, RefusesSizesThatTheDataDoNotBear) {
                          std::initializer_list<std::string> fragments) {
     SCOPED_TRACE(sizes + " " + encoding);
     const std::string content = replaced(motorised_file(), "sizes: 3 2 2", "sizes: " + sizes);
-    expect_input_error([&] { read(replaced(content, "raw", encoding)); }, fragments);
+    expect_input_error([&] { read_prescan(replaced(content, "raw", encoding)); }, fragments);
   };
   // A reader that trusted these sizes would allocate up to 2^93 bytes.
   refuse("3 2 3", "raw", {"sizes", "18", "12"});
@@ -299,11 +295,13 @@ TEST(PreScanNrrd, RefusesSizesThatTheDataDoNotBear) {
 TEST(PreScanNrrd, RefusesCompressedDataThatEndEarlyOrLate) {
   const TemporaryFolder folder;
   const std::filesystem::path path = folder.path() / "sweep.nrrd";
-  write_prescan_nrrd(read(motorised_file()), path);
+  write_prescan_nrrd(read_prescan(motorised_file()), path);
   const test::FileBytes written = test::slurp(path);
   const std::string good(written.begin(), written.end());
-  expect_input_error([&] { read(replaced(good, "sizes: 3 2 2", "sizes: 3 2 3")); }, {"12", "18"});
-  expect_input_error([&] { read(replaced(good, "sizes: 3 2 2", "sizes: 3 2 1")); }, {"more", "6"});
+  expect_input_error([&] { read_prescan(replaced(good, "sizes: 3 2 2", "sizes: 3 2 3")); },
+                     {"12", "18"});
+  expect_input_error([&] { read_prescan(replaced(good, "sizes: 3 2 2", "sizes: 3 2 1")); },
+                     {"more", "6"});
   test::FileBytes damaged = written;
   damaged[damaged.size() - 6] ^= 0x55;  // checksum
   spit(path, damaged);
@@ -314,7 +312,7 @@ TEST(PreScanNrrd, RefusesBrokenFiles) {
   const auto read_path = [](const std::filesystem::path& path) { read_prescan_nrrd(path); };
   test::expect_refuses_broken_files(read_path, test::to_bytes(motorised_file()), ".nrrd");
   const TemporaryFolder folder;
-  write_prescan_nrrd(read(tracked_file()), folder.path() / "compressed.nrrd");
+  write_prescan_nrrd(read_prescan(tracked_file()), folder.path() / "compressed.nrrd");
   test::expect_refuses_broken_files(read_path, test::slurp(folder.path() / "compressed.nrrd"),
                                     ".nrrd");
 }
@@ -327,10 +325,10 @@ TEST(PreScanNrrd, AnAbsurdFieldOfViewNamesTheFile) {
 
 TEST(PreScanNrrd, LeavesNoFileBehindWhenTheVolumeIsInvalid) {
   const TemporaryFolder folder;
-  PreScanVolume volume = read(motorised_file());
+  PreScanVolume volume = read_prescan(motorised_file());
   volume.voxels.pop_back();
   expect_input_error([&] { write_prescan_nrrd(volume, folder.path() / "out.nrrd"); }, {"voxels"});
-  volume = read(motorised_file());
+  volume = read_prescan(motorised_file());
   volume.acquisition_time = "now\nprobe_radius_mm:=3";  // would forge a key
   expect_input_error([&] { write_prescan_nrrd(volume, folder.path() / "out.nrrd"); },
                      {"acquisition_time"});

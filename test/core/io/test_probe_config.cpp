@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/io/bad_files.h"
+#include "core/io/replaced.h"
 #include "test_paths.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/probe_config.h"
@@ -9,6 +10,7 @@ namespace usct {
 namespace {
 
 using test::expect_input_error;
+using test::replaced;
 using test::spit;
 using test::TemporaryFolder;
 
@@ -21,13 +23,7 @@ const std::string kMotorised =
 const std::string kLinear =
     "name: test\nkind: linear\nline_positions_mm: [-1, 0.5, 3]\nstart_depth_mm: 0\n";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
-  return text.replace(at, from.size(), to);
-}
-
-ProbeConfig read(const std::string& content) {
+ProbeConfig read_probe(const std::string& content) {
   const TemporaryFolder folder;
   return read_probe_config(spit(folder.path() / "probe.yaml", content));
 }
@@ -87,7 +83,7 @@ TEST(ProbeConfig, TheGeometryOfThePlusConfigurations) {
 TEST(ProbeConfig, NamesTheKeyThatIsWrong) {
   const auto refuse = [](const std::string& content, std::initializer_list<std::string> fragments) {
     SCOPED_TRACE(content);
-    expect_input_error([&] { read(content); }, fragments);
+    expect_input_error([&] { read_probe(content); }, fragments);
   };
   refuse(kMotorised + "sample_spacing: 3\n", {"probe.yaml", "sample_spacing", "unknown"});
   refuse(kMotorised + "line_positions_mm: [1, 2]\n", {"line_positions_mm", "not one of this kind"});
@@ -142,7 +138,7 @@ TEST(ProbeConfig, EveryWayToSayTheSampleSpacing) {
   const auto spacing = [](const std::string& keys, std::optional<double> file_frequency) {
     RecordedFrames frames = recorded(1);
     frames.sampling_frequency_hz = file_frequency;
-    return tracked_geometry(read(kLinear + keys), frames,
+    return tracked_geometry(read_probe(kLinear + keys), frames,
                             TrackedSweep{{Eigen::Isometry3d::Identity()}, {}}, "file.bpr")
         .axial.spacing_mm;
   };
@@ -156,7 +152,7 @@ TEST(ProbeConfig, EveryWayToSayTheSampleSpacing) {
 }
 
 TEST(ProbeConfig, RecoversTheExactStepFromATruncatedOne) {
-  const ProbeConfig open = read(replaced(kMotorised, "motor_steps_per_frame: 4\n", ""));
+  const ProbeConfig open = read_probe(replaced(kMotorised, "motor_steps_per_frame: 4\n", ""));
   const auto pitch = [&](const ProbeConfig& probe, int millidegrees) {
     RecordedFrames frames = recorded(5);
     frames.frame_pitch_millidegrees = millidegrees;
@@ -167,10 +163,10 @@ TEST(ProbeConfig, RecoversTheExactStepFromATruncatedOne) {
   EXPECT_NEAR(pitch(open, 731), 0.7317, 1e-12);
   EXPECT_NEAR(pitch(open, 1463), 1.4634, 1e-12);
   EXPECT_NEAR(pitch(open, 182), 0.182925, 1e-12);
-  EXPECT_NEAR(pitch(read(kMotorised), 731), 0.7317, 1e-12);
+  EXPECT_NEAR(pitch(read_probe(kMotorised), 731), 0.7317, 1e-12);
   expect_input_error([&] { pitch(open, 732); }, {"file.vol", "732", "whole number of motor steps"});
   expect_input_error([&] { pitch(open, 0); }, {"file.vol", "0", "whole number of motor steps"});
-  expect_input_error([&] { pitch(read(kMotorised), 1463); },
+  expect_input_error([&] { pitch(read_probe(kMotorised), 1463); },
                      {"file.vol", "1463", "731", "4 motor steps"});
   expect_input_error([&] { motorised_geometry(open, recorded(5), "file.bpr"); },
                      {"file.bpr", "motor_steps_per_frame"});
@@ -179,7 +175,7 @@ TEST(ProbeConfig, RecoversTheExactStepFromATruncatedOne) {
 ProbeConfig calibrated() {
   std::string text = replaced(kMotorised, "motor_step_deg: 0.182925\nmotor_steps_per_frame: 4\n",
                               "frame_angles_deg: [-1.2, -0.6, 0, 0.75, 1.5]\n");
-  return read(text);
+  return read_probe(text);
 }
 
 TEST(ProbeConfig, ACalibratedTableRulesOverTheNominalStep) {
@@ -209,14 +205,17 @@ TEST(ProbeConfig, ABackwardSweepHasItsAnglesReversedAndTravelsBack) {
 TEST(ProbeConfig, AProbeFitsItsData) {
   RecordedFrames frames = recorded(5);
   frames.lines = 4;
-  expect_input_error([&] { motorised_geometry(read(kMotorised), frames, "file"); },
+  expect_input_error([&] { motorised_geometry(read_probe(kMotorised), frames, "file"); },
                      {"file", "4", "3"});
   const TrackedSweep one{{Eigen::Isometry3d::Identity()}, {}};
-  expect_input_error([&] { tracked_geometry(read(kMotorised), recorded(1), one, "file"); },
+  expect_input_error([&] { tracked_geometry(read_probe(kMotorised), recorded(1), one, "file"); },
                      {"motor"});
-  expect_input_error([&] { motorised_geometry(read(kLinear), recorded(5), "file"); }, {"no motor"});
+  expect_input_error([&] { motorised_geometry(read_probe(kLinear), recorded(5), "file"); },
+                     {"no motor"});
   expect_input_error(
-      [&] { tracked_geometry(read(kLinear + "sample_spacing_mm: 1\n"), recorded(2), one, "file"); },
+      [&] {
+        tracked_geometry(read_probe(kLinear + "sample_spacing_mm: 1\n"), recorded(2), one, "file");
+      },
       {"file", "2 frames", "1 poses"});
 }
 
@@ -242,7 +241,7 @@ TEST(ProbeConfig, WhatIsWrittenComesBack) {
   // Evenly spaced lines stay readable, uneven ones stay exact.
   const test::FileBytes even = test::slurp(path);
   EXPECT_NE(std::string(even.begin(), even.end()).find("line_pitch_deg: "), std::string::npos);
-  write_probe_config(read(kLinear), path);
+  write_probe_config(read_probe(kLinear), path);
   EXPECT_EQ(std::get<LinearArray>(read_probe_config(path).array).line_positions_mm,
             (std::vector<double>{-1.0, 0.5, 3.0}));
   for (const auto& entry : std::filesystem::directory_iterator(kProbes)) {

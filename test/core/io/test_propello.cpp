@@ -28,7 +28,7 @@ struct File {
   }
 };
 
-PropelloVolumes read(const File& file) {
+PropelloVolumes read_propello_file(const File& file) {
   const TemporaryFolder folder;
   return read_propello(spit(folder.path() / "sweeps.vol", file.bytes()));
 }
@@ -42,7 +42,7 @@ ProbeConfig probe() {
 }
 
 TEST(Propello, AVolumeBecomesAPreScanVolume) {
-  const PreScanVolume volume = to_prescan(read({}), probe(), 0, false, "sweeps.vol");
+  const PreScanVolume volume = to_prescan(read_propello_file({}), probe(), 0, false, "sweeps.vol");
   EXPECT_EQ(volume.geometry.samples(), 4);
   EXPECT_EQ(volume.geometry.lines(), 3);
   EXPECT_EQ(volume.geometry.frames(), 2);
@@ -54,7 +54,7 @@ TEST(Propello, AVolumeBecomesAPreScanVolume) {
 }
 
 TEST(Propello, VolumesAlternateDirection) {
-  const PropelloVolumes volumes = read({});
+  const PropelloVolumes volumes = read_propello_file({});
   const auto rises = [&](int volume, bool first_backward) {
     const PreScanVolume result = to_prescan(volumes, probe(), volume, first_backward, "sweeps.vol");
     const auto& sweep = std::get<MotorSweep>(result.geometry.motion);
@@ -75,7 +75,7 @@ TEST(Propello, VolumesAlternateDirection) {
 TEST(Propello, APitchThatContradictsTheProbeIsNamed) {
   ProbeConfig eight = probe();
   eight.motor->steps_per_frame = 8;
-  expect_input_error([&] { to_prescan(read({}), eight, 0, false, "sweeps.vol"); },
+  expect_input_error([&] { to_prescan(read_propello_file({}), eight, 0, false, "sweeps.vol"); },
                      {"sweeps.vol", "731", "1463", "8 motor steps"});
 }
 
@@ -83,7 +83,8 @@ TEST(Propello, NamesTheTypesThatItDoesNotRead) {
   const auto refuse = [](std::int32_t type, const std::string& name) {
     File file;
     file.type = type;
-    expect_input_error([&] { read(file); }, {"sweeps.vol", "type", std::to_string(type), name});
+    expect_input_error([&] { read_propello_file(file); },
+                       {"sweeps.vol", "type", std::to_string(type), name});
   };
   refuse(2, "RF");
   refuse(3, "colour velocity");
@@ -92,14 +93,14 @@ TEST(Propello, NamesTheTypesThatItDoesNotRead) {
   refuse(-1, "unknown");
   File post;
   post.type = 1;
-  EXPECT_EQ(read(post).voxels.size(), 72U);
-  expect_input_error([&] { to_prescan(read(post), probe(), 0, false, "sweeps.vol"); },
+  EXPECT_EQ(read_propello_file(post).voxels.size(), 72U);
+  expect_input_error([&] { to_prescan(read_propello_file(post), probe(), 0, false, "sweeps.vol"); },
                      {"sweeps.vol", "type", "after scan conversion"});
 }
 
 TEST(Propello, RefusesSizesThatTheFileDoesNotBear) {
   const auto refuse = [](File file, std::initializer_list<std::string> fragments) {
-    expect_input_error([&] { read(file); }, fragments);
+    expect_input_error([&] { read_propello_file(file); }, fragments);
   };
   File file;
   file.volumes = 4;
@@ -125,11 +126,11 @@ TEST(Propello, RefusesBrokenFiles) {
 
 TEST(Propello, WritesTheSameBytes) {
   const TemporaryFolder folder;
-  write_propello(read({}), folder.path() / "out.vol");
+  write_propello(read_propello_file({}), folder.path() / "out.vol");
   EXPECT_EQ(test::slurp(folder.path() / "out.vol"), File{}.bytes());
   EXPECT_TRUE(is_propello(folder.path() / "out.vol"));
   std::filesystem::remove(folder.path() / "out.vol");
-  PropelloVolumes volumes = read({});
+  PropelloVolumes volumes = read_propello_file({});
   volumes.voxels.pop_back();
   expect_input_error([&] { write_propello(volumes, folder.path() / "out.vol"); }, {"out.vol"});
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));

@@ -9,6 +9,7 @@
 
 #include "core/io/any_registration_options.h"
 #include "core/io/bad_files.h"
+#include "core/io/replaced.h"
 #include "test_paths.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
@@ -17,6 +18,7 @@ namespace usct {
 namespace {
 
 using test::expect_input_error;
+using test::replaced;
 using test::slurp;
 using test::spit;
 using test::TemporaryFolder;
@@ -33,12 +35,6 @@ void expect_refused(const std::string& yaml, std::vector<std::string> named) {
   SCOPED_TRACE(yaml);
   named.emplace_back("options.yaml: ");
   expect_input_error([&] { parse(yaml); }, named);
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::logic_error("test text has no " + from);
-  return text.replace(at, from.size(), to);
 }
 
 /// Compares by text, in which every number has all its digits but the last of angles in degrees.

@@ -37,7 +37,7 @@ std::string text_of(const RegistrationResult& result) {
   return {bytes.begin(), bytes.end()};
 }
 
-RegistrationResult read(const std::string& content) {
+RegistrationResult read_result_from(const std::string& content) {
   const TemporaryFolder folder;
   return read_result(spit(folder.path() / "result.json", content));
 }
@@ -62,7 +62,7 @@ TEST(RegistrationResult, StatusNamesAreOneToOne) {
 
 TEST(ResultIo, NumbersComeBackBitByBit) {
   const RegistrationResult result = registered();
-  const RegistrationResult back = read(text_of(result));
+  const RegistrationResult back = read_result_from(text_of(result));
   EXPECT_EQ(back.status, result.status);
   EXPECT_EQ(back.message, result.message);
   ASSERT_TRUE(back.T_us_ct.has_value());
@@ -97,7 +97,7 @@ TEST(ResultIo, ARefusedResultHasNoTransform) {
   EXPECT_TRUE(json["T_us_ct"].is_null());
   EXPECT_TRUE(json["similarity"].is_null());
   EXPECT_TRUE(json["covariance"].is_null());
-  const RegistrationResult back = read(text_of(result));
+  const RegistrationResult back = read_result_from(text_of(result));
   EXPECT_FALSE(back.T_us_ct.has_value());
   EXPECT_TRUE(std::isnan(back.similarity));
   const TemporaryFolder folder;
@@ -114,7 +114,7 @@ TEST(ResultIo, ARefusedResultHasNoTransform) {
 TEST(ResultIo, TextThatIsNotUtf8DoesNotCostTheResult) {
   RegistrationResult result = registered();
   result.message = "file \xff.nrrd";
-  EXPECT_EQ(read(text_of(result)).evaluations, 1500);
+  EXPECT_EQ(read_result_from(text_of(result)).evaluations, 1500);
 }
 
 TEST(ResultIo, NamesTheKeyThatIsWrong) {
@@ -124,7 +124,7 @@ TEST(ResultIo, NamesTheKeyThatIsWrong) {
     Json json = Json::parse(text_of(registered()));
     change(json);
     SCOPED_TRACE(json.dump());
-    expect_input_error([&] { read(json.dump()); }, fragments);
+    expect_input_error([&] { read_result_from(json.dump()); }, fragments);
   };
   refuse([](Json& j) { j.erase("overlap"); }, {"result.json", "overlap", "missing"});
   refuse([](Json& j) { j["extra"] = 1; }, {"extra", "unknown"});
@@ -142,7 +142,7 @@ TEST(ResultIo, NamesTheKeyThatIsWrong) {
   refuse([](Json& j) { j["seconds"] = {{"coarse", "x"}}; }, {"seconds"});
   refuse([](Json& j) { j["candidates"][1].erase("overlap"); }, {"candidate 1", "overlap"});
   refuse([](Json& j) { j["candidates"] = 3; }, {"candidates"});
-  expect_input_error([] { read("[1, 2]"); }, {"result.json", "object"});
+  expect_input_error([] { read_result_from("[1, 2]"); }, {"result.json", "object"});
 }
 
 TEST(ResultIo, RefusesBrokenFiles) {

@@ -10,13 +10,13 @@ namespace {
 
 using test::expect_input_error;
 using test::good_file;
-using test::read;
+using test::read_sequence;
 using test::replaced;
 using test::spit;
 using test::TemporaryFolder;
 
 TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
-  const IgsioFrame frame = read(good_file()).frames[0];
+  const IgsioFrame frame = read_sequence(good_file()).frames[0];
   IgsioTransforms calibration;
   IgsioTransform image_to_probe;
   image_to_probe.T = Eigen::Translation3d(1, 2, 3) * Eigen::Scaling(0.5);
@@ -33,7 +33,7 @@ TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
 }
 
 TEST(TransformChain, NamesTheLinkThatIsInvalidOrMissing) {
-  const IgsioSequence sequence = read(good_file());
+  const IgsioSequence sequence = read_sequence(good_file());
   const auto refuse = [&](int frame, const std::string& from, const std::string& to,
                           std::initializer_list<std::string> fragments) {
     expect_input_error(

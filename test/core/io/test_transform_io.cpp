@@ -48,7 +48,7 @@ std::string tfm(const std::string& type, const std::string& parameters, const st
          "\nParameters: " + parameters + "\nFixedParameters: " + fixed + "\n";
 }
 
-Eigen::Isometry3d read(const std::string& content) {
+Eigen::Isometry3d read_transform_from(const std::string& content) {
   const TemporaryFolder folder;
   return read_T_us_ct(spit(folder.path() / "t.tfm", content));
 }
@@ -82,7 +82,8 @@ TEST(TransformIo, TheFileMapsUltrasoundToCt) {
   EXPECT_NE(text.find("Parameters: 1 0 0 0 1 0 0 0 1 -10 0 0"), std::string::npos) << text;
   EXPECT_NE(text.find("AffineTransform_double_3_3"), std::string::npos) << text;
   EXPECT_EQ(
-      read(tfm("AffineTransform_double_3_3", "1 0 0 0 1 0 0 0 1 -10 0 0", "0 0 0")).translation(),
+      read_transform_from(tfm("AffineTransform_double_3_3", "1 0 0 0 1 0 0 0 1 -10 0 0", "0 0 0"))
+          .translation(),
       Eigen::Vector3d(10, 0, 0));
 }
 
@@ -101,7 +102,7 @@ TEST(TransformIo, EveryLinearTransformThatIsARotation) {
   const std::string half_root = "0.70710678118654757";  // sin 45 degrees
   const auto expect_same = [&](const std::string& type, const std::string& parameters,
                                const std::string& fixed) {
-    EXPECT_LT(distance(read(tfm(type, parameters, fixed)), expected), 1e-9) << type;
+    EXPECT_LT(distance(read_transform_from(tfm(type, parameters, fixed)), expected), 1e-9) << type;
   };
   expect_same("Euler3DTransform_double_3_3", "0 0 " + half_pi + " 10 20 30", "1 2 3 0");
   expect_same("Euler3DTransform_double_3_3", "0 0 " + half_pi + " 10 20 30", "1 2 3 1");  // ZYX
@@ -111,9 +112,9 @@ TEST(TransformIo, EveryLinearTransformThatIsARotation) {
               "0 0 " + half_root + " " + half_root + " 10 20 30", "1 2 3");
   expect_same("AffineTransform_double_3_3", "0 -1 0 1 0 0 0 0 1 10 20 30", "1 2 3");
   expect_same("MatrixOffsetTransformBase_double_3_3", "0 -1 0 1 0 0 0 0 1 10 20 30", "1 2 3");
-  EXPECT_EQ(read(tfm("IdentityTransform_double_3_3", "", "")).matrix(),
+  EXPECT_EQ(read_transform_from(tfm("IdentityTransform_double_3_3", "", "")).matrix(),
             Eigen::Matrix4d::Identity());
-  EXPECT_EQ(read(tfm("TranslationTransform_double_3_3", "1 2 3", "")).translation(),
+  EXPECT_EQ(read_transform_from(tfm("TranslationTransform_double_3_3", "1 2 3", "")).translation(),
             Eigen::Vector3d(-1, -2, -3));
 }
 
@@ -128,7 +129,9 @@ TEST(TransformIo, EulerAnglesInItksOrder) {
   const Eigen::Matrix3d Rz = turn(z, Eigen::Vector3d::UnitZ());
   const std::string parameters = "0.3 -0.4 0.5 0 0 0";
   const auto rotation = [&](const std::string& fixed) -> Eigen::Matrix3d {
-    return read(tfm("Euler3DTransform_double_3_3", parameters, fixed)).inverse().linear();
+    return read_transform_from(tfm("Euler3DTransform_double_3_3", parameters, fixed))
+        .inverse()
+        .linear();
   };
   EXPECT_LT((rotation("0 0 0 0") - Rz * Rx * Ry).norm(), 1e-12);
   EXPECT_LT((rotation("0 0 0 1") - Rz * Ry * Rx).norm(), 1e-12);
@@ -136,12 +139,13 @@ TEST(TransformIo, EulerAnglesInItksOrder) {
 }
 
 TEST(TransformIo, SinglePrecisionAndCompositesAsRegistrationProgramsWriteThem) {
-  EXPECT_LT((read(tfm("AffineTransform_float_3_3", "0 -1 0 1 0 0 0 0 1 10 20 30", "0 0 0"))
-                 .inverse()
-                 .translation() -
-             Eigen::Vector3d(10, 20, 30))
-                .norm(),
-            1e-6);
+  EXPECT_LT(
+      (read_transform_from(tfm("AffineTransform_float_3_3", "0 -1 0 1 0 0 0 0 1 10 20 30", "0 0 0"))
+           .inverse()
+           .translation() -
+       Eigen::Vector3d(10, 20, 30))
+          .norm(),
+      1e-6);
   // A composite applies its last transform first.
   const std::string composite =
       "#Insight Transform File V1.0\n#Transform 0\nTransform: CompositeTransform_double_3_3\n"
@@ -149,14 +153,14 @@ TEST(TransformIo, SinglePrecisionAndCompositesAsRegistrationProgramsWriteThem) {
       "Parameters: 0 -1 0 1 0 0 0 0 1 0 0 0\nFixedParameters: 0 0 0\n"
       "#Transform 2\nTransform: TranslationTransform_double_3_3\nParameters: 1 0 "
       "0\nFixedParameters: \n";
-  const Eigen::Isometry3d T_ct_us = read(composite).inverse();
+  const Eigen::Isometry3d T_ct_us = read_transform_from(composite).inverse();
   EXPECT_LT((T_ct_us * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(0, 2, 0)).norm(), 1e-12);
 }
 
 TEST(TransformIo, RefusesWhatIsNotARotationAndSaysByHowMuch) {
   const auto refuse = [](const std::string& content, std::initializer_list<std::string> fragments) {
     SCOPED_TRACE(content);
-    expect_input_error([&] { read(content); }, fragments);
+    expect_input_error([&] { read_transform_from(content); }, fragments);
   };
   const std::string affine = "AffineTransform_double_3_3";
   refuse(tfm(affine, "2 0 0 0 1 0 0 0 1 0 0 0", "0 0 0"),

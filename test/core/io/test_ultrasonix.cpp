@@ -12,10 +12,10 @@ using test::expect_input_error;
 using test::spit;
 using test::TemporaryFolder;
 
-constexpr std::int32_t kMax = std::numeric_limits<std::int32_t>::max();
+constexpr std::int32_t kMaxInt32 = std::numeric_limits<std::int32_t>::max();
 
 /// A file made from the published layout, byte by byte, not by our writer.
-struct File {
+struct UltrasonixFile {
   std::int32_t type = 2, frames = 6, w = 3, h = 4, ss = 8, sf = 2'500'000;
   bool tags = false;
 
@@ -32,12 +32,12 @@ struct File {
   }
 };
 
-UltrasonixSequence read(const File& file) {
+UltrasonixSequence read_ultrasonix_file(const UltrasonixFile& file) {
   const TemporaryFolder folder;
   return read_ultrasonix(spit(folder.path() / "frames.bpr", file.bytes()));
 }
 
-ProbeConfig probe() {
+ProbeConfig linear_probe() {
   ProbeConfig config;
   config.array = CurvilinearArray{40.0, {-0.1, 0.0, 0.1}};
   config.motor = ProbeMotor{27.25, 0.005, 2, {}, 0.001};
@@ -47,9 +47,9 @@ ProbeConfig probe() {
 
 TEST(Ultrasonix, ReadsHeaderAndFramesWithAndWithoutTags) {
   for (const bool tags : {false, true}) {
-    File file;
+    UltrasonixFile file;
     file.tags = tags;
-    const UltrasonixSequence sequence = read(file);
+    const UltrasonixSequence sequence = read_ultrasonix_file(file);
     EXPECT_EQ(sequence.header.frames, 6);
     EXPECT_EQ(sequence.header.ulx, 1);
     EXPECT_EQ(sequence.header.bly, 8);
@@ -67,7 +67,8 @@ TEST(Ultrasonix, ReadsHeaderAndFramesWithAndWithoutTags) {
 }
 
 TEST(Ultrasonix, OneSweepBecomesAPreScanVolume) {
-  const PreScanVolume volume = to_prescan(read({}), probe(), SweepSelection{}, "frames.bpr");
+  const PreScanVolume volume =
+      to_prescan(read_ultrasonix_file({}), linear_probe(), SweepSelection{}, "frames.bpr");
   EXPECT_EQ(volume.geometry.samples(), 4);
   EXPECT_EQ(volume.geometry.lines(), 3);
   EXPECT_EQ(volume.geometry.frames(), 6);
@@ -80,9 +81,10 @@ TEST(Ultrasonix, OneSweepBecomesAPreScanVolume) {
 }
 
 TEST(Ultrasonix, SweepsAlternateDirection) {
-  const UltrasonixSequence sequence = read({});
+  const UltrasonixSequence sequence = read_ultrasonix_file({});
   const auto sweep = [&](int index, bool first_backward) {
-    return to_prescan(sequence, probe(), SweepSelection{index, 2, first_backward}, "frames.bpr");
+    return to_prescan(sequence, linear_probe(), SweepSelection{index, 2, first_backward},
+                      "frames.bpr");
   };
   const auto first_angle = [](const PreScanVolume& volume) {
     return std::get<MotorSweep>(volume.geometry.motion).frame_angles_rad[0];
@@ -99,38 +101,41 @@ TEST(Ultrasonix, SweepsAlternateDirection) {
   expect_input_error([&] { sweep(-1, false); }, {"frames.bpr", "-1"});
   expect_input_error(
       [&] {
-        to_prescan(sequence, probe(), SweepSelection{0, 7, false}, "frames.bpr");
+        to_prescan(sequence, linear_probe(), SweepSelection{0, 7, false}, "frames.bpr");
       },
       {"frames.bpr", "6 frames", "7"});
 }
 
 TEST(Ultrasonix, TrackedFramesGetTheirPoses) {
-  ProbeConfig tracked = probe();
+  ProbeConfig tracked = linear_probe();
   tracked.motor.reset();
   const TrackedSweep sweep{std::vector<Eigen::Isometry3d>(6, Eigen::Isometry3d::Identity()), {}};
-  const PreScanVolume volume = to_prescan(read({}), tracked, sweep, "frames.bpr");
+  const PreScanVolume volume = to_prescan(read_ultrasonix_file({}), tracked, sweep, "frames.bpr");
   EXPECT_FALSE(volume.geometry.is_motorised());
   EXPECT_EQ(volume.at(3, 1, 2), 40 + 4 + 3);
 }
 
 TEST(Ultrasonix, ASamplingFrequencyThatCannotBeIsNotBelieved) {
   // Some software does not set the field.
-  File file;
+  UltrasonixFile file;
   file.sf = -858993460;
-  expect_input_error([&] { to_prescan(read(file), probe(), SweepSelection{}, "frames.bpr"); },
-                     {"frames.bpr", "sf", "-858993460"});
-  ProbeConfig with_spacing = probe();
+  expect_input_error(
+      [&] {
+        to_prescan(read_ultrasonix_file(file), linear_probe(), SweepSelection{}, "frames.bpr");
+      },
+      {"frames.bpr", "sf", "-858993460"});
+  ProbeConfig with_spacing = linear_probe();
   with_spacing.sampling.sample_spacing_mm = 0.2;
-  EXPECT_EQ(to_prescan(read(file), with_spacing, SweepSelection{}, "frames.bpr")
+  EXPECT_EQ(to_prescan(read_ultrasonix_file(file), with_spacing, SweepSelection{}, "frames.bpr")
                 .geometry.axial.spacing_mm,
             0.2);
 }
 
 TEST(Ultrasonix, NamesTheTypesThatItDoesNotRead) {
   const auto refuse = [](std::int32_t type, const std::string& name) {
-    File file;
+    UltrasonixFile file;
     file.type = type;
-    expect_input_error([&] { read(file); },
+    expect_input_error([&] { read_ultrasonix_file(file); },
                        {"frames.bpr", "type", std::to_string(type), name, ".bpr"});
   };
   refuse(8, "32 bit (.b32)");
@@ -141,18 +146,21 @@ TEST(Ultrasonix, NamesTheTypesThatItDoesNotRead) {
   refuse(3, "unknown");
   refuse(0, "unknown");
   refuse(-2, "unknown");
-  File post;
+  UltrasonixFile post;
   post.type = 4;
-  EXPECT_EQ(read(post).voxels.size(), 72U);
-  expect_input_error([&] { to_prescan(read(post), probe(), SweepSelection{}, "frames.b8"); },
-                     {"frames.b8", "type", "after scan conversion"});
+  EXPECT_EQ(read_ultrasonix_file(post).voxels.size(), 72U);
+  expect_input_error(
+      [&] {
+        to_prescan(read_ultrasonix_file(post), linear_probe(), SweepSelection{}, "frames.b8");
+      },
+      {"frames.b8", "type", "after scan conversion"});
 }
 
 TEST(Ultrasonix, RefusesSizesThatTheFileDoesNotBear) {
-  const auto refuse = [](File file, std::initializer_list<std::string> fragments) {
-    expect_input_error([&] { read(file); }, fragments);
+  const auto refuse = [](UltrasonixFile file, std::initializer_list<std::string> fragments) {
+    expect_input_error([&] { read_ultrasonix_file(file); }, fragments);
   };
-  File file;
+  UltrasonixFile file;
   file.frames = 7;
   refuse(file, {"72 bytes", "84", "112 with frame tags"});
   file = {}, file.frames = 0, refuse(file, {"frames", "0", ">= 1"});
@@ -161,26 +169,27 @@ TEST(Ultrasonix, RefusesSizesThatTheFileDoesNotBear) {
   file = {}, file.h = 0, refuse(file, {"h", "0", ">= 1"});
   file = {}, file.ss = 16, refuse(file, {"ss", "16", "8"});
   // These products overflow 32 or 64 bits.
-  file = {}, file.w = kMax, file.h = kMax, refuse(file, {"too large"});
+  file = {}, file.w = kMaxInt32, file.h = kMaxInt32, refuse(file, {"too large"});
   file = {}, file.w = 65536, file.h = 65536, refuse(file, {"65536"});
-  file = {}, file.w = kMax, file.h = kMax, file.frames = kMax, refuse(file, {"too large"});
+  file = {}, file.w = kMaxInt32, file.h = kMaxInt32, file.frames = kMaxInt32,
+  refuse(file, {"too large"});
 }
 
 TEST(Ultrasonix, RefusesBrokenFiles) {
   const auto read_path = [](const std::filesystem::path& path) { read_ultrasonix(path); };
-  test::expect_refuses_broken_files(read_path, File{}.bytes(), ".bpr");
+  test::expect_refuses_broken_files(read_path, UltrasonixFile{}.bytes(), ".bpr");
 }
 
 TEST(Ultrasonix, WritesTheSameBytes) {
   const TemporaryFolder folder;
   for (const bool tags : {false, true}) {
-    File file;
+    UltrasonixFile file;
     file.tags = tags;
-    write_ultrasonix(read(file), folder.path() / "out.bpr");
+    write_ultrasonix(read_ultrasonix_file(file), folder.path() / "out.bpr");
     EXPECT_EQ(test::slurp(folder.path() / "out.bpr"), file.bytes());
   }
   std::filesystem::remove(folder.path() / "out.bpr");
-  UltrasonixSequence sequence = read({});
+  UltrasonixSequence sequence = read_ultrasonix_file({});
   sequence.voxels.pop_back();
   expect_input_error([&] { write_ultrasonix(sequence, folder.path() / "out.bpr"); }, {"out.bpr"});
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
@@ -188,8 +197,8 @@ TEST(Ultrasonix, WritesTheSameBytes) {
 
 TEST(Ultrasonix, IsToldApartFromOtherFiles) {
   const TemporaryFolder folder;
-  EXPECT_TRUE(is_ultrasonix(spit(folder.path() / "a.bpr", File{}.bytes())));
-  test::FileBytes longer = File{}.bytes();
+  EXPECT_TRUE(is_ultrasonix(spit(folder.path() / "a.bpr", UltrasonixFile{}.bytes())));
+  test::FileBytes longer = UltrasonixFile{}.bytes();
   longer.push_back(0);
   EXPECT_FALSE(is_ultrasonix(spit(folder.path() / "a.bpr", longer)));
   EXPECT_FALSE(is_ultrasonix(folder.path() / "none.bpr"));

@@ -12,13 +12,13 @@ using test::expect_input_error;
 using test::spit;
 using test::TemporaryFolder;
 
-WireDistances read(const std::string& content, std::optional<int> frames = {}) {
+WireDistances read_wires(const std::string& content, std::optional<int> frames = {}) {
   const TemporaryFolder folder;
   return read_wire_distances(spit(folder.path() / "wires.csv", content), 25.0, frames);
 }
 
 TEST(WireDistances, PairsOfAFrameAreAveragedAndFramesWithoutAreUnknown) {
-  const WireDistances distances = read(
+  const WireDistances distances = read_wires(
       "volume,frame,distance_mm\r\n"
       "7,0,26\n2,2,25.5\n7,0,27\n\n2,0,30\n");
   EXPECT_EQ(distances.true_distance_mm, 25.0);
@@ -32,22 +32,22 @@ TEST(WireDistances, PairsOfAFrameAreAveragedAndFramesWithoutAreUnknown) {
 }
 
 TEST(WireDistances, TheSweepMayHaveMoreFramesThanShowWires) {
-  EXPECT_EQ(read("volume,frame,distance_mm\n0,4,26\n", 9).volumes[0].size(), 9U);
-  expect_input_error([] { read("volume,frame,distance_mm\n0,9,26\n", 9); },
+  EXPECT_EQ(read_wires("volume,frame,distance_mm\n0,4,26\n", 9).volumes[0].size(), 9U);
+  expect_input_error([] { read_wires("volume,frame,distance_mm\n0,9,26\n", 9); },
                      {"line 2 frame is 9", "< 9"});
 }
 
 TEST(WireDistances, NamesTheLineThatIsWrong) {
-  expect_input_error([] { read("frame,volume,distance_mm\n0,0,1\n"); },
+  expect_input_error([] { read_wires("frame,volume,distance_mm\n0,0,1\n"); },
                      {"wires.csv", "line 1", "volume,frame,distance_mm"});
   const std::string header = "volume,frame,distance_mm\n";
-  expect_input_error([&] { read(header); }, {"no distances"});
-  expect_input_error([&] { read(header + "0,0,1\n0,1\n"); }, {"line 3 has 2 fields"});
-  expect_input_error([&] { read(header + "0,-1,1\n"); }, {"line 2 frame is -1"});
-  expect_input_error([&] { read(header + "-1,0,1\n"); }, {"line 2 volume is -1"});
-  expect_input_error([&] { read(header + "0,0.5,1\n"); }, {"line 2 frame"});
-  expect_input_error([&] { read(header + "0,2000000000,1\n"); }, {"line 2 frame", "100000"});
-  expect_input_error([&] { read(header + "0,1,nan\n"); }, {"line 2 distance_mm", "finite"});
+  expect_input_error([&] { read_wires(header); }, {"no distances"});
+  expect_input_error([&] { read_wires(header + "0,0,1\n0,1\n"); }, {"line 3 has 2 fields"});
+  expect_input_error([&] { read_wires(header + "0,-1,1\n"); }, {"line 2 frame is -1"});
+  expect_input_error([&] { read_wires(header + "-1,0,1\n"); }, {"line 2 volume is -1"});
+  expect_input_error([&] { read_wires(header + "0,0.5,1\n"); }, {"line 2 frame"});
+  expect_input_error([&] { read_wires(header + "0,2000000000,1\n"); }, {"line 2 frame", "100000"});
+  expect_input_error([&] { read_wires(header + "0,1,nan\n"); }, {"line 2 distance_mm", "finite"});
 }
 
 TEST(WireDistances, RefusesBrokenFiles) {

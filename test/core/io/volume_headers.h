@@ -10,6 +10,7 @@
 #include "core/io/expect_input_error.h"
 #include "core/io/file_text.h"
 #include "core/io/itk_oracle.h"
+#include "core/io/replaced.h"
 #include "us_ct_registration/geometry/grid.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 
@@ -41,12 +42,6 @@ struct BadHeader {
   std::string from, to;
   std::vector<std::string> named;
 };
-
-inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
 
 inline void expect_refused(const std::filesystem::path& path, const std::string& header,
                            const std::string& voxels, const std::vector<BadHeader>& cases) {

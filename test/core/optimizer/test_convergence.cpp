@@ -9,10 +9,6 @@ namespace {
 
 class EachMethod : public testing::TestWithParam<OptimizerMethod> {};
 
-std::string name_of(const testing::TestParamInfo<OptimizerMethod>& info) {
-  return method_name(info.param);
-}
-
 INSTANTIATE_TEST_SUITE_P(Optimizer, EachMethod, testing::ValuesIn(all_methods()), name_of);
 
 /// All but PRAXIS: Brent's method puts parabolas through noisy points and promises nothing there.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 #include <cmath>
@@ -79,6 +81,11 @@ inline double rosenbrock(const Eigen::VectorXd& x) {
 inline double rough(const Eigen::VectorXd& x) {
   const double value = std::sin(x.dot(Eigen::VectorXd::LinSpaced(x.size(), 12.9, 78.2))) * 43758.5;
   return 2.0 * (value - std::floor(value)) - 1.0;
+}
+
+/// The name of a test that runs with each method.
+inline std::string name_of(const testing::TestParamInfo<OptimizerMethod>& info) {
+  return method_name(info.param);
 }
 
 }  // namespace usct::test

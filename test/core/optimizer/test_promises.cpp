@@ -19,10 +19,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 class Promise : public testing::TestWithParam<OptimizerMethod> {};
 
-std::string name_of(const testing::TestParamInfo<OptimizerMethod>& info) {
-  return method_name(info.param);
-}
-
 INSTANTIATE_TEST_SUITE_P(Optimizer, Promise, testing::ValuesIn(all_methods()), name_of);
 
 OptimizerProblem bowl_problem() {

@@ -27,6 +27,12 @@ inline std::vector<Eigen::Vector3d> random_points() {
   return points;
 }
 
+inline std::vector<Eigen::Vector3d> moved(const Eigen::Isometry3d& T,
+                                          std::vector<Eigen::Vector3d> points) {
+  for (Eigen::Vector3d& point : points) point = T * point;
+  return points;
+}
+
 inline std::vector<Eigen::Vector3d> cube_corners(double half_edge_mm) {
   std::vector<Eigen::Vector3d> corners;
   for (const double x : {-half_edge_mm, half_edge_mm})

@@ -4,11 +4,10 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/registration/registration_cases.h"
+#include "nan.h"
 
 namespace usct::test {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// Measures exactly at the limits.
 Measures passing(const GateLimits& limits) {

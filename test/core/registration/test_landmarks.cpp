@@ -14,11 +14,6 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using Points = std::vector<Vector3d>;
 
-Points moved(const Isometry3d& T, Points points) {
-  for (Vector3d& point : points) point = T * point;
-  return points;
-}
-
 RC_GTEST_PROP(Landmarks, RecoverAKnownTransform, ()) {
   const Isometry3d T_target_source = random_pose(400.0);
   const Points source = random_points();

@@ -37,9 +37,9 @@ SearchOptions two_levels() {
 }
 
 /// Searches from the identity on the same peaks at all levels.
-class Searched {
+class MultiStarted {
  public:
-  Searched(std::vector<Peak> peaks, SearchOptions options)
+  MultiStarted(std::vector<Peak> peaks, SearchOptions options)
       : field_(cube_field()), peaks_(field_, std::move(peaks)), options_(std::move(options)) {}
 
   std::vector<Candidate> round(int round, std::vector<Candidate> found = {}) {
@@ -65,7 +65,7 @@ const Isometry3d kHigh = turned_about_field(12.0, {1, 2, -1}, {9, -6, 4});
 const Isometry3d kLow = turned_about_field(-15.0, {2, -1, 1}, {-12, 8, -10});
 
 TEST(MultiStart, FindsEachPeakOnceBestFirst) {
-  Searched searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, two_levels());
+  MultiStarted searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, two_levels());
   const std::vector<Candidate> optima = searched.round(0);
   ASSERT_GE(optima.size(), 2U);
   EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.2);
@@ -80,7 +80,7 @@ TEST(MultiStart, OptimaCloserThanTheDistinctDistanceAreOne) {
   SearchOptions options = two_levels();
   const auto peaks_found = [&](double distinct_mm) {
     options.distinct_mm = distinct_mm;
-    Searched searched({{kHigh, 1.0, 6.0}, {beside, 0.9, 6.0}}, options);
+    MultiStarted searched({{kHigh, 1.0, 6.0}, {beside, 0.9, 6.0}}, options);
     int found = 0;
     for (const Candidate& optimum : searched.round(0)) found += optimum.value > 0.8 ? 1 : 0;
     return found;
@@ -92,7 +92,7 @@ TEST(MultiStart, OptimaCloserThanTheDistinctDistanceAreOne) {
 TEST(MultiStart, KeepsAsManyAsTheOptionsSay) {
   SearchOptions options = two_levels();
   options.most_optima = 1;
-  Searched searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, options);
+  MultiStarted searched({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, options);
   const std::vector<Candidate> optima = searched.round(0);
   ASSERT_EQ(optima.size(), 1U);
   EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.2);
@@ -103,14 +103,14 @@ TEST(MultiStart, ClimbsFromTheInitialPoseAtEveryLevel) {
   const Isometry3d here = Isometry3d(Eigen::Translation3d(1.0, 0.0, 0.5));
   SearchOptions options = two_levels();
   options.levels[0].optimised = options.levels[0].kept = 1;  // the wide peak takes the only place
-  Searched searched({{here, 1.0, 1.0}, {kLow, 0.9, 25.0}}, options);
+  MultiStarted searched({{here, 1.0, 1.0}, {kLow, 0.9, 25.0}}, options);
   const std::vector<Candidate> optima = searched.round(0);
   ASSERT_FALSE(optima.empty());
   EXPECT_LT(searched.distance_mm(optima[0], here), 0.2);
 }
 
 TEST(MultiStart, LaterRoundsTakeMoreStartsAndKeepWhatWasFound) {
-  Searched searched({{kHigh, 1.0}}, two_levels());
+  MultiStarted searched({{kHigh, 1.0}}, two_levels());
   const std::vector<Candidate> first = searched.round(0);
   const int in_first = searched.evaluations();
   std::vector<Candidate> before = first;
@@ -130,7 +130,7 @@ TEST(MultiStart, ANearRoundFindsANarrowPeakThatTheFirstRoundMisses) {
   options.rounds.deciding_breadth = 4;
   const auto finds = [&](double near_share) {
     options.rounds.near_share = near_share;
-    Searched searched({{near, 1.0, 3.0}, {kLow, 0.6, 25.0}}, options);
+    MultiStarted searched({{near, 1.0, 3.0}, {kLow, 0.6, 25.0}}, options);
     std::vector<Candidate> optima = searched.round(0);
     EXPECT_GT(searched.distance_mm(optima.front(), near), 5.0);
     optima = searched.round(1, optima);
@@ -154,7 +154,7 @@ TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
 TEST(MultiStart, WithoutStartsOnlyTheInitialPoseIsClimbedFrom) {
   SearchOptions options = two_levels();
   options.starts.reset();
-  Searched searched({{kHigh, 1.0, 30.0}, {kLow, 2.0, 3.0}}, options);
+  MultiStarted searched({{kHigh, 1.0, 30.0}, {kLow, 2.0, 3.0}}, options);
   const std::vector<Candidate> optima = searched.round(0);
   ASSERT_EQ(optima.size(), 1U);
   EXPECT_LT(searched.distance_mm(optima[0], kHigh), 0.3);

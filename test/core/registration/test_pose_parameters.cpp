@@ -21,11 +21,6 @@ double rms_displacement_mm(const Isometry3d& T_a, const Isometry3d& T_b,
   return std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-std::vector<Vector3d> moved(const Isometry3d& T, std::vector<Vector3d> points) {
-  for (Vector3d& point : points) point = T * point;
-  return points;
-}
-
 PoseVector random_parameters(double bound) {
   PoseVector parameters;
   for (Eigen::Index i = 0; i < 6; ++i) parameters[i] = uniform(-bound, bound);

@@ -8,14 +8,13 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/registration/registration_cases.h"
+#include "nan.h"
 
 namespace usct::test {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 void expect_refused(const RegistrationResult& result, RegistrationStatus status,
                     const std::string& named) {

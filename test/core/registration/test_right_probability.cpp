@@ -6,12 +6,11 @@
 #include <vector>
 
 #include "core/geometry/random_geometry.h"
+#include "nan.h"
 #include "us_ct_registration/registration/gates.h"
 
 namespace usct::test {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// A measure that counts as evidence, and whether more of it speaks for the pose.
 struct Evidence {

@@ -16,7 +16,7 @@ namespace usct::test {
 namespace {
 
 /// Everything that an evaluation depends on.
-struct Case {
+struct SimulatedCase {
   BeamUltrasound ultrasound;
   std::vector<std::uint8_t> excluded;
   CtVolume ct;
@@ -26,11 +26,11 @@ struct Case {
   AcquisitionErrors errors;
 };
 
-std::shared_ptr<const Similarity> similarity_of(const Case& c) {
+std::shared_ptr<const Similarity> similarity_at(const SimulatedCase& c) {
   return make_simulated_lc2(c.ultrasound, c.excluded, c.ct, c.simulation, c.fit);
 }
 
-SimulatedUltrasound reference(const Case& c) {
+SimulatedUltrasound reference(const SimulatedCase& c) {
   BeamGrid beams = c.ultrasound.beams;
   beams.axial.start_depth_mm *= 1.0 + c.errors.depth;
   beams.axial.spacing_mm *= 1.0 + c.errors.depth;
@@ -98,8 +98,8 @@ SimulationOptions random_simulation() {
 }
 
 /// Ultrasound that a shifted simulation of the CT explains in part, and all options at random.
-Case random_case() {
-  Case c;
+SimulatedCase random_simulated_case() {
+  SimulatedCase c;
   c.ultrasound.beams = fan(integer(20, 60), integer(3, 40), integer(2, 6));
   c.ct = anatomy(grid_in_view({integer(20, 60), integer(20, 60), integer(20, 60)}),
                  integer(0, 3) * 0.1);
@@ -123,12 +123,12 @@ Case random_case() {
 }
 
 /// The greatest difference of value and overlap from the reference, over all instructions.
-double error_of(const Case& c) {
+double error_of(const SimulatedCase& c) {
   const SimulatedUltrasound expected = reference(c);
   double error = 0.0;
   for (const std::int64_t target : Instructions::all()) {
     const Instructions instructions(target);
-    const SimilarityValue value = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, c.errors});
+    const SimilarityValue value = similarity_at(c)->evaluate(SimilarityPose{c.T_ct_us, c.errors});
     if (std::isnan(value.value) == expected.has_fit())
       return std::numeric_limits<double>::infinity();
     error = std::max(error, std::abs(value.overlap - expected.overlap));
@@ -138,15 +138,15 @@ double error_of(const Case& c) {
 }
 
 RC_GTEST_PROP(SimulatedLc2, IsTheReferenceForAnyOptionsAndPose, ()) {
-  const Case c = random_case();
+  const SimulatedCase c = random_simulated_case();
   // A sample on a threshold or half-way between voxels may be rounded to either side.
   const auto samples = static_cast<double>(c.ultrasound.brightness.size());
   RC_ASSERT(error_of(c) < 1e-5 + 2.0 / samples);
 }
 
 /// A case with air, bone and gas whose ultrasound lies in the CT except for a corner.
-Case make_fixed_case() {
-  Case c;
+SimulatedCase make_fixed_case() {
+  SimulatedCase c;
   c.ultrasound.beams = fan(120, 37, 9);
   c.ct = anatomy(grid_in_view({80, 70, 60}), 0.1);
   c.T_ct_us = Eigen::Translation3d(3.0, -2.0, 4.0) *
@@ -160,59 +160,61 @@ Case make_fixed_case() {
   return c;
 }
 
-Case fixed_case() {
-  static const Case c = make_fixed_case();
+SimulatedCase fixed_case() {
+  static const SimulatedCase c = make_fixed_case();
   return c;
 }
 
-constexpr double kTolerance = 2e-6;
+constexpr double kSimulatedTolerance = 2e-6;
 
 TEST(SimulatedLc2, IsTheReferenceToSixDigitsOptionByOption) {
-  EXPECT_LT(error_of(fixed_case()), kTolerance);
+  EXPECT_LT(error_of(fixed_case()), kSimulatedTolerance);
   for (const auto interpolation : {Interpolation::kNearest, Interpolation::kTrilinear})
     for (const auto compression : {LogCompression::kReflection, LogCompression::kIntensity})
       for (const bool by_threshold : {false, true})
         for (const bool windowed : {false, true}) {
-          Case c = fixed_case();
+          SimulatedCase c = fixed_case();
           c.simulation.interpolation = interpolation;
           c.simulation.log_compression = compression;
           c.simulation.occlusion.by_threshold = by_threshold;
           if (windowed) c.simulation.window = HuWindow{};
-          EXPECT_LT(error_of(c), kTolerance)
+          EXPECT_LT(error_of(c), kSimulatedTolerance)
               << static_cast<int>(interpolation) << static_cast<int>(compression) << by_threshold
               << windowed;
         }
-  const auto expect_equal_with = [](const char* what, const std::function<void(Case&)>& change) {
-    Case c = fixed_case();
+  const auto expect_equal_with = [](const char* what,
+                                    const std::function<void(SimulatedCase&)>& change) {
+    SimulatedCase c = fixed_case();
     c.simulation.occlusion.by_threshold = true;
     const double before = reference(c).lc2;
     change(c);
     EXPECT_NE(reference(c).lc2, before) << what << " makes no difference";
-    EXPECT_LT(error_of(c), kTolerance) << what;
+    EXPECT_LT(error_of(c), kSimulatedTolerance) << what;
   };
-  expect_equal_with("sign", [](Case& c) { c.simulation.signed_reflection = true; });
-  expect_equal_with("no clamp", [](Case& c) { c.simulation.map.clamp = false; });
-  expect_equal_with("length", [](Case& c) { c.simulation.gradient_length_mm = 3.0; });
-  expect_equal_with("gradient", [](Case& c) { c.simulation.occlusion.gradient_hu_per_mm = 120.0; });
-  expect_equal_with("gas", [](Case& c) { c.simulation.occlusion.gas_hu = -200.0; });
-  expect_equal_with("outside", [](Case& c) { c.simulation.outside_hu = 120.0; });
-  expect_equal_with("background", [](Case& c) { c.fit.use_background = false; });
-  expect_equal_with("weights", [](Case& c) {
+  expect_equal_with("sign", [](SimulatedCase& c) { c.simulation.signed_reflection = true; });
+  expect_equal_with("no clamp", [](SimulatedCase& c) { c.simulation.map.clamp = false; });
+  expect_equal_with("length", [](SimulatedCase& c) { c.simulation.gradient_length_mm = 3.0; });
+  expect_equal_with("gradient",
+                    [](SimulatedCase& c) { c.simulation.occlusion.gradient_hu_per_mm = 120.0; });
+  expect_equal_with("gas", [](SimulatedCase& c) { c.simulation.occlusion.gas_hu = -200.0; });
+  expect_equal_with("outside", [](SimulatedCase& c) { c.simulation.outside_hu = 120.0; });
+  expect_equal_with("background", [](SimulatedCase& c) { c.fit.use_background = false; });
+  expect_equal_with("weights", [](SimulatedCase& c) {
     c.fit.fixed_weights = SimulationWeights{.4, 50, 40};
   });
-  expect_equal_with("depth", [](Case& c) { c.errors.depth = 0.02; });
-  expect_equal_with("path", [](Case& c) {
+  expect_equal_with("depth", [](SimulatedCase& c) { c.errors.depth = 0.02; });
+  expect_equal_with("path", [](SimulatedCase& c) {
     c.simulation.log_compression = LogCompression::kIntensity;
     c.simulation.transmission_length_mm = 0.9;
   });
-  expect_equal_with("excluded", [](Case& c) {
+  expect_equal_with("excluded", [](SimulatedCase& c) {
     c.excluded.assign(c.ultrasound.brightness.size(), 0);
     for (std::size_t i = 0; i < c.excluded.size(); ++i) c.excluded[i] = i % 120 < 30 || i % 7 == 0;
   });
 }
 
 TEST(SimulatedLc2, WhatIsNotKnownIsExcluded) {
-  Case c = fixed_case();
+  SimulatedCase c = fixed_case();
   std::vector<std::uint8_t> excluded(c.ultrasound.brightness.size(), 0);
   for (std::size_t i = 0; i < excluded.size(); i += 3) excluded[i] = 1;
   const double expected = make_simulated_lc2(c.ultrasound, excluded, c.ct, {}, {})
@@ -220,19 +222,19 @@ TEST(SimulatedLc2, WhatIsNotKnownIsExcluded) {
                               .value;
   for (const std::uint8_t e : excluded) c.ultrasound.known.push_back(e == 0 ? 255 : 0);
   for (std::size_t i = 0; i < excluded.size(); i += 3) c.ultrasound.brightness[i] = std::nanf("");
-  EXPECT_EQ(similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value, expected);
+  EXPECT_EQ(similarity_at(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value, expected);
 }
 
 TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
   for (const Eigen::Vector3i& size :
        {Eigen::Vector3i(1, 40, 40), Eigen::Vector3i(40, 1, 40), Eigen::Vector3i(40, 40, 1),
         Eigen::Vector3i(2, 3, 2), Eigen::Vector3i(1, 1, 1)}) {
-    Case c = fixed_case();
+    SimulatedCase c = fixed_case();
     c.ct = anatomy(grid_in_view(size), 0.0);
     for (std::int16_t& hu : c.ct.voxels) hu = std::max<std::int16_t>(hu, 0);
-    EXPECT_LT(error_of(c), kTolerance) << size.transpose();
+    EXPECT_LT(error_of(c), kSimulatedTolerance) << size.transpose();
   }
-  Case c = fixed_case();  // differences that exceed 16 bits
+  SimulatedCase c = fixed_case();  // differences that exceed 16 bits
   for (std::size_t i = 0; i < c.ct.voxels.size(); ++i)
     c.ct.voxels[i] = static_cast<std::int16_t>((i * 40503) % 65536 - 32768);
   c.simulation.gradient_length_mm = 1e-3;
@@ -243,8 +245,8 @@ TEST(SimulatedLc2, OddCtsAreSampledAsByTheReference) {
 }
 
 TEST(SimulatedLc2, SameBitsFromSeveralThreads) {
-  const Case c = fixed_case();
-  const auto similarity = similarity_of(c);
+  const SimulatedCase c = fixed_case();
+  const auto similarity = similarity_at(c);
   const SimilarityValue expected = similarity->evaluate(SimilarityPose{c.T_ct_us, {}});
   std::vector<SimilarityValue> values(8);
   std::vector<std::thread> threads;
@@ -259,18 +261,18 @@ TEST(SimulatedLc2, SameBitsFromSeveralThreads) {
 }
 
 RC_GTEST_PROP(SimulatedLc2, DoesNotDependOnGainAndOffset, ()) {
-  Case c = fixed_case();
-  const double before = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
+  SimulatedCase c = fixed_case();
+  const double before = similarity_at(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
   const auto gain = static_cast<float>(uniform(0.1, 10.0) * (integer(0, 2) == 0 ? -1.0 : 1.0));
   const auto offset = static_cast<float>(uniform(-300.0, 300.0));
   for (float& u : c.ultrasound.brightness) u = gain * u + offset;
-  RC_ASSERT(std::abs(similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value - before) <
+  RC_ASSERT(std::abs(similarity_at(c)->evaluate(SimilarityPose{c.T_ct_us, {}}).value - before) <
             1e-6);
 }
 
 TEST(SimulatedLc2, IsHighestWhereTheUltrasoundWasSimulated) {
   for (const auto compression : {LogCompression::kReflection, LogCompression::kIntensity}) {
-    Case c = fixed_case();
+    SimulatedCase c = fixed_case();
     c.simulation.log_compression = compression;
     const SimulatedComponents there =
         simulate_components(c.ultrasound.beams, c.ct, c.T_ct_us, c.simulation);
@@ -279,7 +281,7 @@ TEST(SimulatedLc2, IsHighestWhereTheUltrasoundWasSimulated) {
           (there.flags[i] & kOccluded) != 0
               ? 55.0F
               : 20.0F + 0.4F * there.mapped_ct[i] + 70.0F * there.reflection[i];
-    const auto similarity = similarity_of(c);
+    const auto similarity = similarity_at(c);
     const double best = similarity->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
     EXPECT_GT(best, 0.99999);
     for (int axis = 0; axis < 3; ++axis)
@@ -297,14 +299,14 @@ TEST(SimulatedLc2, IsHighestWhereTheUltrasoundWasSimulated) {
 }
 
 TEST(SimulatedLc2, SaysNothingWhereTheReferenceHasNoFit) {
-  const auto expect_nothing = [](FitStatus status, const Case& c) {
+  const auto expect_nothing = [](FitStatus status, const SimulatedCase& c) {
     const SimulatedUltrasound expected = reference(c);
     EXPECT_EQ(expected.status, status);
-    const SimilarityValue value = similarity_of(c)->evaluate(SimilarityPose{c.T_ct_us, {}});
+    const SimilarityValue value = similarity_at(c)->evaluate(SimilarityPose{c.T_ct_us, {}});
     EXPECT_TRUE(std::isnan(value.value)) << to_string(status);
     EXPECT_NEAR(value.overlap, expected.overlap, 1e-12) << to_string(status);
   };
-  Case c = fixed_case();
+  SimulatedCase c = fixed_case();
   c.T_ct_us.translation().x() = 500.0;
   expect_nothing(FitStatus::kNoOverlap, c);
   c = fixed_case();
@@ -327,26 +329,26 @@ TEST(SimulatedLc2, SaysNothingWhereTheReferenceHasNoFit) {
 }
 
 TEST(SimulatedLc2, RefusesWhatIsWrong) {
-  const Case c = fixed_case();
-  const auto similarity = similarity_of(c);
+  const SimulatedCase c = fixed_case();
+  const auto similarity = similarity_at(c);
   EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {0.0, 0.01}}), InputError);
   EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {-1.0, 0.0}}), InputError);
   EXPECT_THROW(similarity->evaluate(SimilarityPose{c.T_ct_us, {std::nan(""), 0.0}}), InputError);
   Eigen::Isometry3d sheared = c.T_ct_us;
   sheared.matrix()(0, 1) += 0.1;
   EXPECT_THROW(similarity->evaluate(SimilarityPose{sheared, {}}), InputError);
-  const auto expect_refused = [](const std::function<void(Case&)>& change) {
-    Case bad = fixed_case();
+  const auto expect_refused = [](const std::function<void(SimulatedCase&)>& change) {
+    SimulatedCase bad = fixed_case();
     change(bad);
-    EXPECT_THROW(similarity_of(bad), InputError);
+    EXPECT_THROW(similarity_at(bad), InputError);
   };
-  expect_refused([](Case& b) { b.ultrasound.brightness[7] = std::nanf(""); });
-  expect_refused([](Case& b) { b.ultrasound.brightness.pop_back(); });
-  expect_refused([](Case& b) { b.ultrasound.beams.lines = 0; });
-  expect_refused([](Case& b) { b.excluded.assign(3, 0); });
-  expect_refused([](Case& b) { b.ct.voxels.pop_back(); });
-  expect_refused([](Case& b) { b.simulation.log_a = 0.0; });
-  expect_refused([](Case& b) { b.fit.min_overlap = 2.0; });
+  expect_refused([](SimulatedCase& b) { b.ultrasound.brightness[7] = std::nanf(""); });
+  expect_refused([](SimulatedCase& b) { b.ultrasound.brightness.pop_back(); });
+  expect_refused([](SimulatedCase& b) { b.ultrasound.beams.lines = 0; });
+  expect_refused([](SimulatedCase& b) { b.excluded.assign(3, 0); });
+  expect_refused([](SimulatedCase& b) { b.ct.voxels.pop_back(); });
+  expect_refused([](SimulatedCase& b) { b.simulation.log_a = 0.0; });
+  expect_refused([](SimulatedCase& b) { b.fit.min_overlap = 2.0; });
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <array>
 #include <limits>
 
+#include "core/ultrasound/sample_index.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/phantom/phantom.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
@@ -30,10 +31,6 @@ BeamUltrasound speckle(const BeamGrid& beams) {
     us.brightness.push_back(60.0F + static_cast<float>((state >> 16) % 81));
   }
   return us;
-}
-
-std::size_t at(const BeamUltrasound& us, int sample, int line, int frame) {
-  return static_cast<std::size_t>((frame * us.beams.lines + line) * us.beams.samples() + sample);
 }
 
 /// Options with which every sample counts.
@@ -70,7 +67,7 @@ TEST(Conditioning, ASlowlyVaryingGainIsTakenOut) {
   for (int f = 0; f < 9; ++f)
     for (int l = 0; l < 16; ++l)
       for (int s = 0; s < 60; ++s)
-        changed.brightness[at(us, s, l, f)] *= 1.0F + static_cast<float>(s) / 30.0F;
+        changed.brightness[at(us.beams, s, l, f)] *= 1.0F + static_cast<float>(s) / 30.0F;
   const auto difference = [&](Normalisation normalisation) {
     ConditioningOptions options = no_masks();
     options.normalisation = normalisation;
@@ -99,14 +96,14 @@ TEST(Conditioning, WindowsAreMillimetresAcrossLinesAndFramesAtEveryDepth) {
     options.normalisation = Normalisation::kNone;
     options.smoothing_mm = 3.0;
     const ConditionedUltrasound without = condition(us, options);
-    us.brightness[at(us, depth, 20, 20)] += 1e6F;
+    us.brightness[at(us.beams, depth, 20, 20)] += 1e6F;
     const ConditionedUltrasound with = condition(us, options);
     const auto second_moment = [&](const auto& sample_at, int count) {
       double sum = 0.0;
       double moment = 0.0;
       for (int i = 0; i < count; ++i) {
         const auto [s, l, f] = sample_at(i);
-        const std::size_t sample = at(us, s, l, f);
+        const std::size_t sample = at(us.beams, s, l, f);
         const double weight = with.samples[sample] - without.samples[sample];
         sum += weight;
         moment += weight * (beams.point(f, l, s) - beams.point(20, 20, depth)).squaredNorm();
@@ -123,14 +120,14 @@ TEST(Conditioning, WindowsAreMillimetresAcrossLinesAndFramesAtEveryDepth) {
 TEST(Conditioning, WhatDoesNotCountLeavesNoTraceInWhatDoes) {
   BeamUltrasound us = speckle(convex_beams());
   us.known.assign(us.brightness.size(), 255);
-  for (int s = 20; s < 40; ++s) us.known[at(us, s, 7, 4)] = 0;
+  for (int s = 20; s < 40; ++s) us.known[at(us.beams, s, 7, 4)] = 0;
   const ConditionedUltrasound before = condition(us, no_masks());
   for (int s = 20; s < 40; ++s)
-    us.brightness[at(us, s, 7, 4)] = std::numeric_limits<float>::quiet_NaN();
+    us.brightness[at(us.beams, s, 7, 4)] = std::numeric_limits<float>::quiet_NaN();
   const ConditionedUltrasound after = condition(us, no_masks());
   EXPECT_EQ(before.samples, after.samples);
-  EXPECT_EQ(after.reasons[at(us, 25, 7, 4)], kUnknown);
-  EXPECT_EQ(after.samples[at(us, 25, 7, 4)], 0.0F);
+  EXPECT_EQ(after.reasons[at(us.beams, 25, 7, 4)], kUnknown);
+  EXPECT_EQ(after.samples[at(us.beams, 25, 7, 4)], 0.0F);
 }
 
 TEST(Conditioning, FlatUltrasoundCountsNowhereAndIsNotBlownUp) {
@@ -149,7 +146,7 @@ TEST(Conditioning, GivenDepthsCountAndNoOthers) {
   options.depth.max_mm = 40.0;
   const ConditionedUltrasound result = condition(us, options);
   for (int s = 0; s < 60; ++s)
-    EXPECT_EQ((result.reasons[at(us, s, 3, 3)] & kOutsideDepth) != 0, s < 10 || s > 38) << s;
+    EXPECT_EQ((result.reasons[at(us.beams, s, 3, 3)] & kOutsideDepth) != 0, s < 10 || s > 38) << s;
   options.depth.min_mm = 70.0;
   options.depth.max_mm = 90.0;
   EXPECT_THROW(condition(us, options), InputError);
@@ -158,43 +155,45 @@ TEST(Conditioning, GivenDepthsCountAndNoOthers) {
 TEST(Conditioning, ConstantAndDarkLinesHaveNoContact) {
   BeamUltrasound us = speckle(convex_beams());
   for (int s = 0; s < 60; ++s) {
-    us.brightness[at(us, s, 2, 5)] = 90.0F;
+    us.brightness[at(us.beams, s, 2, 5)] = 90.0F;
     for (int line = 8; line < 13; ++line)
       for (int frame = 0; frame < 9; ++frame)
-        us.brightness[at(us, s, line, frame)] *= s < 6 ? 1.0F : 0.1F;  // ring-down, then little
+        us.brightness[at(us.beams, s, line, frame)] *=
+            s < 6 ? 1.0F : 0.1F;  // ring-down, then little
   }
   ConditioningOptions options;
   options.depth.automatic = false;
   options.depth.min_mm = 10.0;
   const ConditionedUltrasound result = condition(us, options);
-  EXPECT_TRUE(result.reasons[at(us, 30, 2, 5)] & kNoContact);
-  EXPECT_TRUE(result.reasons[at(us, 30, 10, 5)] & kNoContact);
-  EXPECT_EQ(result.reasons[at(us, 30, 5, 5)], 0);
+  EXPECT_TRUE(result.reasons[at(us.beams, 30, 2, 5)] & kNoContact);
+  EXPECT_TRUE(result.reasons[at(us.beams, 30, 10, 5)] & kNoContact);
+  EXPECT_EQ(result.reasons[at(us.beams, 30, 5, 5)], 0);
 }
 
 TEST(Conditioning, SaturatedSamplesAreLeftOut) {
   BeamUltrasound us = speckle(convex_beams());
-  us.brightness[at(us, 30, 5, 5)] = 255.0F;
+  us.brightness[at(us.beams, 30, 5, 5)] = 255.0F;
   const ConditionedUltrasound result = condition(us, {});
-  EXPECT_EQ(result.reasons[at(us, 30, 5, 5)], kSaturated);
-  EXPECT_EQ(result.reasons[at(us, 31, 5, 5)], 0);
+  EXPECT_EQ(result.reasons[at(us.beams, 30, 5, 5)], kSaturated);
+  EXPECT_EQ(result.reasons[at(us.beams, 31, 5, 5)], 0);
 }
 
 TEST(Conditioning, DarkToTheEndIsShadowButADarkLumenIsNot) {
   BeamUltrasound us = speckle(convex_beams());
   for (int frame = 2; frame < 9; ++frame)
     for (int line = 4; line < 9; ++line)
-      for (int s = 25; s < 60; ++s) us.brightness[at(us, s, line, frame)] *= 0.15F;  // behind a rib
+      for (int s = 25; s < 60; ++s)
+        us.brightness[at(us.beams, s, line, frame)] *= 0.15F;  // behind a rib
   for (int frame = 0; frame < 9; ++frame)
     for (int line = 11; line < 15; ++line)
-      for (int s = 25; s < 40; ++s) us.brightness[at(us, s, line, frame)] *= 0.15F;  // a cyst
+      for (int s = 25; s < 40; ++s) us.brightness[at(us.beams, s, line, frame)] *= 0.15F;  // a cyst
   const ConditionedUltrasound result = condition(us, {});
   for (int s = 12; s < 60; ++s) {
-    const bool shadow = (result.reasons[at(us, s, 6, 6)] & kShadow) != 0;
+    const bool shadow = (result.reasons[at(us.beams, s, 6, 6)] & kShadow) != 0;
     if (s < 23 || s > 27) {  // speckle is averaged over 1.5 mm
       EXPECT_EQ(shadow, s > 27) << s;
     }
-    EXPECT_EQ(result.reasons[at(us, s, 13, 6)], 0) << s;
+    EXPECT_EQ(result.reasons[at(us.beams, s, 13, 6)], 0) << s;
   }
 }
 
@@ -202,16 +201,17 @@ TEST(Conditioning, NearFieldIsFoundAndAFarWallCutBeamByBeam) {
   BeamUltrasound us = speckle(convex_beams(24, 12));
   for (int frame = 0; frame < 12; ++frame)
     for (int line = 0; line < 24; ++line) {
-      for (int s = 0; s < 15; ++s) us.brightness[at(us, s, line, frame)] += 100.0F;  // to 16 mm
-      const int wall = 45 + line / 3;                                                // oblique
-      for (int s = wall; s < 60; ++s) us.brightness[at(us, s, line, frame)] = 230.0F;
+      for (int s = 0; s < 15; ++s)
+        us.brightness[at(us.beams, s, line, frame)] += 100.0F;  // to 16 mm
+      const int wall = 45 + line / 3;                           // oblique
+      for (int s = wall; s < 60; ++s) us.brightness[at(us.beams, s, line, frame)] = 230.0F;
     }
   const ConditionedUltrasound result = condition(us, {});
   EXPECT_NEAR(result.min_depth_mm, 17.0, 2.0);  // speckle averaged over 1.5 mm
   EXPECT_EQ(result.far_wall_share, 1.0);
   for (const int line : {0, 12, 23}) {
     int first = 0;
-    while ((result.reasons[at(us, first, line, 6)] & kFarWall) == 0) ++first;
+    while ((result.reasons[at(us.beams, first, line, 6)] & kFarWall) == 0) ++first;
     EXPECT_NEAR(first, 45 + line / 3 - 3, 3) << line;  // 3 mm margin
   }
   ConditioningOptions given;
@@ -234,8 +234,9 @@ TEST(Conditioning, ACartesianVolumeIsReadAlongItsBeams) {
         for (int s = 0; s < us.beams.samples(); ++s) {
           const Eigen::Vector3i index =
               us.beams.point(f, l, s).array().round().cast<int>();  // unit grid
-          EXPECT_EQ(us.brightness[at(us, s, l, f)], volume.at(index.x(), index.y(), index.z()));
-          EXPECT_EQ(us.known[at(us, s, l, f)], mask.at(index.x(), index.y(), index.z()));
+          EXPECT_EQ(us.brightness[at(us.beams, s, l, f)],
+                    volume.at(index.x(), index.y(), index.z()));
+          EXPECT_EQ(us.known[at(us.beams, s, l, f)], mask.at(index.x(), index.y(), index.z()));
         }
   }
   Grid other = grid;

@@ -6,18 +6,12 @@
 
 #include "core/geometry/random_geometry.h"
 #include "core/simulation/simple_scenes.h"
+#include "core/ultrasound/sample_index.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct::test {
 namespace {
-
-std::size_t at(const BeamGrid& beams, int sample, int line, int frame) {
-  return (static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
-          static_cast<std::size_t>(line)) *
-             static_cast<std::size_t>(beams.samples()) +
-         static_cast<std::size_t>(sample);
-}
 
 BeamUltrasound random_ultrasound(bool masked) {
   ScanGeometry geometry;

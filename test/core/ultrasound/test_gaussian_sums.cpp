@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/simulation/simple_scenes.h"
+#include "core/ultrasound/sample_index.h"
 #include "ultrasound/gaussian_sums.h"
 
 namespace usct::test {
@@ -15,13 +16,6 @@ BeamGrid fan() {
   geometry.array = CurvilinearArray{40.0, centred_table(35, 0.02)};
   geometry.motion = MotorSweep{27.0, centred_table(31, 0.025), 0.0};
   return beam_grid(geometry);
-}
-
-std::size_t at(const BeamGrid& beams, int sample, int line, int frame) {
-  return (static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
-          static_cast<std::size_t>(line)) *
-             static_cast<std::size_t>(beams.samples()) +
-         static_cast<std::size_t>(sample);
 }
 
 /// Smooth structure and noise, with holes.

@@ -13,7 +13,7 @@ using Eigen::Isometry3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
-const Isometry3d kPatientUs = test::rigid({0.2, 0.7, -0.4}, {110, 60, 900});
+const Isometry3d kPatientUsAtStart = test::rigid({0.2, 0.7, -0.4}, {110, 60, 900});
 
 /// The nodes of a namespace run as processes, or as nodelets of one manager.
 class TimeAndMotion : public testing::TestWithParam<const char*> {
@@ -25,11 +25,12 @@ class TimeAndMotion : public testing::TestWithParam<const char*> {
   }
 
   Result register_moving(double share, double drift_mm, const std::string& us_frame) {
-    const MovingSweep moving = moving_sweep(kPatientUs, share, drift_mm, us_frame);
+    const MovingSweep moving = moving_sweep(kPatientUsAtStart, share, drift_mm, us_frame);
     const ::ros::Time end = moving.sweep.header.stamp;
     tf_.publish(moving.poses);
     client_.send_ct(agar().ct, 7, end - ::ros::Duration(30.0));
-    EXPECT_EQ(client_.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
+    EXPECT_EQ(client_.set(kPatientUsAtStart * test::nearby(agar()), "patient").status.code,
+              Status::OK);
     client_.send(moving.sweep);
     return client_.call_until([&](const Result& result) { return result.us_stamp == end; });
   }
@@ -49,7 +50,7 @@ TEST_P(TimeAndMotion, ASweepOfAMovingProbeIsCompensated) {
   const Result result = register_moving(0.05, 0.0, frame);
   ASSERT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
   const Isometry3d T_patient_ct = from_message_mm(result.fixed_transform, "result");
-  EXPECT_LT(agar().error_mm(kPatientUs.inverse() * T_patient_ct), kGoodMm);
+  EXPECT_LT(agar().error_mm(kPatientUsAtStart.inverse() * T_patient_ct), kGoodMm);
   EXPECT_GT(measure(result, "sweep_motion_mm"), 3.0);
   EXPECT_LT(measure(result, "sweep_motion_mm"), 10.0);
 }
@@ -85,7 +86,7 @@ TEST_P(TimeAndMotion, StampsFarFromNowEndNoNode) {
     client_.send(sweep);
     EXPECT_THAT(client_.call_until_code(Status::INVALID_MESSAGE).status.message,
                 HasSubstr("ahead of this node's clock"));
-    tf_.publish(tf_of_us(far, kPatientUs, "us_far_future"));
+    tf_.publish(tf_of_us(far, kPatientUsAtStart, "us_far_future"));
     Result result;
     result.header = header("us", far);
     result.us_stamp = result.ct_stamp = far;

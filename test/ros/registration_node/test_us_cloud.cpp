@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
 
-const Isometry3d kPatientUs = test::rigid({-0.3, 0.2, 0.5}, {-80, 200, 700});
+const Isometry3d kPatientUsAtCloud = test::rigid({-0.3, 0.2, 0.5}, {-80, 200, 700});
 
 /// The newest message of a topic.
 template <typename Message>
@@ -94,7 +94,7 @@ class UsCloudNode : public testing::Test {
 
   /// The cloud of a moving probe's sweep.
   Cloud cloud_of_moving(double share, bool with_stamps, const std::string& us_frame) {
-    MovingSweep moving = moving_sweep(kPatientUs, share, 0.0, us_frame);
+    MovingSweep moving = moving_sweep(kPatientUsAtCloud, share, 0.0, us_frame);
     const ::ros::Time end = moving.sweep.header.stamp;
     tf_.publish(moving.poses);
     if (!with_stamps) moving.sweep.frame_stamps.clear();
@@ -108,7 +108,7 @@ class UsCloudNode : public testing::Test {
     message.state = state;
     message.ct_frame = "ct";
     message.ct_crc32 = ct_crc32;
-    message.transform = to_message(kPatientUs * agar().T_us_ct_true);
+    message.transform = to_message(kPatientUsAtCloud * agar().T_us_ct_true);
     message.message = "result 5 waits for accept or reject";
     return message;
   }
@@ -174,7 +174,7 @@ TEST_F(UsCloudNode, MarksWhatWaitsForAPersonUntilItIsDecided) {
     EXPECT_EQ(shown.markers[i].ns, "PROPOSED");
     EXPECT_EQ(shown.markers[i].header.frame_id, "patient");
   }
-  const Vector3d ct_mm = (kPatientUs * agar().T_us_ct_true).translation();
+  const Vector3d ct_mm = (kPatientUsAtCloud * agar().T_us_ct_true).translation();
   EXPECT_NEAR(kMmPerM * shown.markers[1].pose.position.x, ct_mm.x(), 1e-6);
   EXPECT_EQ(shown.markers[1].points.size(), 3U);
   EXPECT_THAT(shown.markers[2].text, testing::HasSubstr("PROPOSED: result 5 waits"));

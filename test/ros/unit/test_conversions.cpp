@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr double kDegree = M_PI / 180.0;
 
-PreScanVolume motorised() {
+PreScanVolume motorised_volume() {
   PreScanVolume volume;
   volume.geometry.axial = {5, 3.0, 0.4};
   volume.geometry.array = CurvilinearArray{40.0, {-0.1, 0.0, 0.1, 0.2}};
@@ -29,7 +29,7 @@ PreScanVolume motorised() {
 }
 
 PreScanVolume tracked_linear() {
-  PreScanVolume volume = motorised();
+  PreScanVolume volume = motorised_volume();
   volume.geometry.array = LinearArray{{-2.0, -1.0, 1.0, 2.5}};
   TrackedSweep sweep;
   for (int i = 0; i < 3; ++i) {
@@ -72,7 +72,7 @@ std_msgs::Header header() {
 }
 
 TEST(Conversions, MotorisedVolumeIsInMetresAndComesBack) {
-  const PreScanVolume volume = motorised();
+  const PreScanVolume volume = motorised_volume();
   const msg::PreScanVolume message = to_message(volume, header());
   EXPECT_NEAR(message.geometry.probe_radius, 0.040, 1e-12);
   EXPECT_NEAR(message.geometry.motor_radius, 0.02725, 1e-12);
@@ -120,11 +120,11 @@ TEST(Conversions, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
               HasSubstr("ct/volume: 'data' has 24 values, must have 2000000000 x"));
   ct.size = {0, 3, 2};
   EXPECT_THAT(error_of([&] { from_message(ct, "ct/volume"); }), HasSubstr("'size[0]' is 0"));
-  msg::PreScanVolume us = to_message(motorised(), header());
+  msg::PreScanVolume us = to_message(motorised_volume(), header());
   us.samples = us.lines = us.frames = 0xffffffffU;
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }),
               HasSubstr("'samples' is 4294967295"));
-  us = to_message(motorised(), header());
+  us = to_message(motorised_volume(), header());
   us.frames = 4;
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }),
               HasSubstr("'data' has 60 values, must have 5 x 4 x 4"));
@@ -134,24 +134,24 @@ TEST(Conversions, DamagedVoxelsAreRefused) {
   msg::CtVolume ct = to_message(oblique_ct(), header(), 1);
   ct.data[5] = static_cast<std::int16_t>(ct.data[5] + 1);
   EXPECT_THAT(error_of([&] { from_message(ct, "ct/volume"); }), HasSubstr("checksum"));
-  msg::PreScanVolume us = to_message(motorised(), header());
+  msg::PreScanVolume us = to_message(motorised_volume(), header());
   us.data[59] ^= 1;
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }), HasSubstr("checksum"));
 }
 
 TEST(Conversions, WhatTheTypeOfProbeDoesNotHaveIsRefused) {
-  msg::PreScanVolume us = to_message(motorised(), header());
+  msg::PreScanVolume us = to_message(motorised_volume(), header());
   us.frame_poses.resize(3);
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }),
               HasSubstr("'frame_poses' is set, but the type of probe has none"));
-  us = to_message(motorised(), header());
+  us = to_message(motorised_volume(), header());
   us.geometry.type = 9;
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }),
               HasSubstr("'geometry.type' is 9, must be 1, 2 or 3"));
   us = to_message(tracked_linear(), header());
   us.frame_poses[1].orientation.w = 0.0;
   EXPECT_THAT(error_of([&] { from_message(us, "us/volume"); }), HasSubstr("frame_poses[1]"));
-  us = to_message(motorised(), header());
+  us = to_message(motorised_volume(), header());
   us.frame_angles[1] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_NE(error_of([&] { from_message(us, "us/volume"); }), "no error");
 }

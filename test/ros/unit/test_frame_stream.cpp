@@ -24,7 +24,7 @@ msg::PreScanVolume volume_of(const ScanGeometry& geometry) {
   return to_message(volume, header);
 }
 
-ScanGeometry motorised() {
+ScanGeometry motorised_geometry() {
   return {{2, 3.0, 0.4},
           CurvilinearArray{40.0, {-0.1, 0.1}},
           MotorSweep{27.25, {0.2, 0.0, -0.3}, -0.01}};
@@ -47,7 +47,7 @@ TEST(FramesOf, MotorisedFramesHaveTheirAnglesAndEndAtTheStamp) {
   FrameStream stream;
   stream.sweep = 7;
   stream.frame_period = ::ros::Duration(0.25);
-  const auto frames = frames_of(volume_of(motorised()), stream);
+  const auto frames = frames_of(volume_of(motorised_geometry()), stream);
   ASSERT_EQ(frames.size(), 3u);
   for (unsigned i = 0; i < 3; ++i) {
     expect_valid(frames[i]);
@@ -79,10 +79,10 @@ TEST(FramesOf, TrackedFramesHaveTheirPosesAndStamps) {
 }
 
 TEST(FramesOf, RefusesDamagedVolumesAndFramesBeforeTheEpoch) {
-  msg::PreScanVolume volume = volume_of(motorised());
+  msg::PreScanVolume volume = volume_of(motorised_geometry());
   volume.header.stamp = ::ros::Time(0, 1000);
   EXPECT_THROW(frames_of(volume, {}), InputError);
-  volume = volume_of(motorised());
+  volume = volume_of(motorised_geometry());
   volume.data[5] ^= 1;
   EXPECT_THROW(frames_of(volume, {}), InputError);
 }

@@ -30,7 +30,7 @@ msg::PreScanVolume volume_of(const Array& array,
   return to_message(volume, header);
 }
 
-msg::PreScanVolume motorised() {
+msg::PreScanVolume motorised_message() {
   MotorSweep sweep{27.25, {}, 0.011};
   for (int i = 0; i < kFrames; ++i) sweep.frame_angles_rad.push_back(0.02 * i - 0.06);
   return volume_of(CurvilinearArray{40.3, {-0.1, 0.03, 0.1}}, sweep);
@@ -38,7 +38,7 @@ msg::PreScanVolume motorised() {
 
 /// Lengths and quaternions that change when they are scaled to millimetres, or turned into a
 /// rotation matrix, and back.
-msg::PreScanVolume tracked() {
+msg::PreScanVolume tracked_message() {
   TrackedSweep sweep;
   for (int i = 0; i < kFrames; ++i) {
     sweep.T_us_frame.emplace_back(
@@ -74,7 +74,7 @@ msg::PreScanVolume assembled(const std::vector<msg::PreScanFrame>& frames,
 }
 
 TEST(Frames, MotorisedVolumesComeBackBitByBit) {
-  const msg::PreScanVolume volume = motorised();
+  const msg::PreScanVolume volume = motorised_message();
   msg::PreScanVolume found = assembled(frames_of(volume, {}));
   EXPECT_EQ(found.frame_stamps.size(), 6u);
   found.frame_stamps.clear();  // a motorised volume need not have them
@@ -82,12 +82,12 @@ TEST(Frames, MotorisedVolumesComeBackBitByBit) {
 }
 
 TEST(Frames, TrackedVolumesComeBackBitByBit) {
-  const msg::PreScanVolume volume = tracked();
+  const msg::PreScanVolume volume = tracked_message();
   EXPECT_EQ(assembled(frames_of(volume, {})), volume);
 }
 
 TEST(Frames, PosesThatWereLookedUpComeBackBitByBit) {
-  msg::PreScanVolume volume = tracked();
+  msg::PreScanVolume volume = tracked_message();
   std::vector<msg::PreScanFrame> frames = frames_of(volume, {});
   for (msg::PreScanFrame& frame : frames) frame.pose_frame_id.clear();
   const msg::PreScanVolume found = assembled(frames, [&](ReceivedFrame& frame) {
@@ -99,7 +99,7 @@ TEST(Frames, PosesThatWereLookedUpComeBackBitByBit) {
 }
 
 TEST(Frames, BrightnessIsNotCopied) {
-  const msg::PreScanFrame::ConstPtr message = shared(frames_of(motorised(), {})[0]);
+  const msg::PreScanFrame::ConstPtr message = shared(frames_of(motorised_message(), {})[0]);
   EXPECT_EQ(from_message(message)->brightness->data(), message->data.data());
 }
 
@@ -114,7 +114,7 @@ TEST(Frames, WhatIsMalformedIsNamed) {
     }
     return "no problem";
   };
-  const msg::PreScanFrame motor = frames_of(motorised(), {})[2];
+  const msg::PreScanFrame motor = frames_of(motorised_message(), {})[2];
   EXPECT_EQ(problem(motor, [](auto&) {}), "no problem");
   EXPECT_THAT(problem(motor, [](auto& f) { f.data.pop_back(); }),
               HasSubstr("sweep 0 frame 2: 'data' has 11 values"));
@@ -126,7 +126,7 @@ TEST(Frames, WhatIsMalformedIsNamed) {
   EXPECT_THAT(problem(motor, [](auto& f) { f.header.frame_id.clear(); }), HasSubstr("frame_id"));
   EXPECT_THAT(problem(motor, [](auto& f) { f.pose_frame_id = "us"; }),
               HasSubstr("'pose_frame_id' is set"));
-  const msg::PreScanFrame pose = frames_of(tracked(), {})[2];
+  const msg::PreScanFrame pose = frames_of(tracked_message(), {})[2];
   EXPECT_EQ(problem(pose, [](auto&) {}), "no problem");
   EXPECT_THAT(problem(pose, [](auto& f) { f.motor_angle = 0.1; }),
               HasSubstr("'motor_angle' is set"));

@@ -9,7 +9,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-const TfWatch::Clock::time_point kNow{std::chrono::hours(1)};
+const TfWatch::Clock::time_point kStart{std::chrono::hours(1)};
 
 geometry_msgs::TransformStamped transform(const std::string& parent, const std::string& child,
                                           double x = 0.0) {
@@ -24,20 +24,20 @@ geometry_msgs::TransformStamped transform(const std::string& parent, const std::
 
 TEST(TfWatch, OtherFramesAndOwnTransformsAreNoConflict) {
   TfWatch watch;
-  watch.heard(transform("world", "base"), "robot", false, kNow);
-  watch.heard(transform("base", "us"), "robot", false, kNow);
-  watch.heard(transform("ct", "tumour"), "planner", false, kNow);
+  watch.heard(transform("world", "base"), "robot", false, kStart);
+  watch.heard(transform("base", "us"), "robot", false, kStart);
+  watch.heard(transform("ct", "tumour"), "planner", false, kStart);
   watch.sent(transform("base", "ct"));
-  watch.heard(transform("base", "ct"), "tf_publisher", false, kNow);
-  EXPECT_EQ(watch.conflict("base", "ct", kNow), "");
+  watch.heard(transform("base", "ct"), "tf_publisher", false, kStart);
+  EXPECT_EQ(watch.conflict("base", "ct", kStart), "");
 }
 
 TEST(TfWatch, AnotherPublisherIsAConflictAlsoWithinTheSameProcess) {
   TfWatch watch;
   watch.sent(transform("base", "ct"));
-  watch.heard(transform("base", "ct", 0.1), "manager", false, kNow);
+  watch.heard(transform("base", "ct", 0.1), "manager", false, kStart);
   EXPECT_THAT(
-      watch.conflict("base", "ct", kNow),
+      watch.conflict("base", "ct", kStart),
       AllOf(HasSubstr("node 'manager'"), HasSubstr("'base' -> 'ct'"), HasSubstr("as well")));
 }
 
@@ -45,10 +45,10 @@ TEST(TfWatch, TwoOwnFramesMayHaveTheSameStamp) {
   TfWatch watch;
   watch.sent(transform("base", "ct"));
   watch.sent(transform("base", "ct_proposed", 0.1));
-  watch.heard(transform("base", "ct"), "tf_publisher", false, kNow);
-  watch.heard(transform("base", "ct_proposed", 0.1), "tf_publisher", false, kNow);
-  EXPECT_EQ(watch.conflict("base", "ct", kNow), "");
-  EXPECT_EQ(watch.conflict("base", "ct_proposed", kNow), "");
+  watch.heard(transform("base", "ct"), "tf_publisher", false, kStart);
+  watch.heard(transform("base", "ct_proposed", 0.1), "tf_publisher", false, kStart);
+  EXPECT_EQ(watch.conflict("base", "ct", kStart), "");
+  EXPECT_EQ(watch.conflict("base", "ct_proposed", kStart), "");
 }
 
 TEST(TfWatch, OwnTransformsAreKnownHoweverManyThereAre) {
@@ -59,40 +59,40 @@ TEST(TfWatch, OwnTransformsAreKnownHoweverManyThereAre) {
     next.header.stamp = ::ros::Time(10.0 + 0.05 * i);
     watch.sent(next);
     // A transform arrives after the next one was sent.
-    if (i > 0) watch.heard(last, "tf_publisher", false, kNow);
+    if (i > 0) watch.heard(last, "tf_publisher", false, kStart);
     last = next;
-    ASSERT_EQ(watch.conflict("base", "ct", kNow), "") << i;
+    ASSERT_EQ(watch.conflict("base", "ct", kStart), "") << i;
   }
 }
 
 TEST(TfWatch, ASecondParentIsAConflictAlsoWithALeadingSlash) {
   TfWatch watch;
-  watch.heard(transform("/table", "/ct"), "other", false, kNow);
+  watch.heard(transform("/table", "/ct"), "other", false, kStart);
   EXPECT_THAT(
-      watch.conflict("base", "ct", kNow),
+      watch.conflict("base", "ct", kStart),
       AllOf(HasSubstr("node 'other'"), HasSubstr("'table' -> 'ct'"), HasSubstr("one parent")));
 }
 
 TEST(TfWatch, ALoopIsAConflictAndLoopsOfOthersEndTheSearch) {
   TfWatch watch;
-  watch.heard(transform("ct", "marker"), "a", true, kNow);
-  EXPECT_EQ(watch.conflict("base", "ct", kNow), "");
-  watch.heard(transform("marker", "base"), "b", false, kNow);
-  EXPECT_THAT(watch.conflict("base", "ct", kNow),
+  watch.heard(transform("ct", "marker"), "a", true, kStart);
+  EXPECT_EQ(watch.conflict("base", "ct", kStart), "");
+  watch.heard(transform("marker", "base"), "b", false, kStart);
+  EXPECT_THAT(watch.conflict("base", "ct", kStart),
               AllOf(HasSubstr("'ct' -> 'marker' -> 'base'"), HasSubstr("loop")));
   TfWatch others;
-  others.heard(transform("x", "base"), "a", true, kNow);
-  others.heard(transform("base", "x"), "b", true, kNow);
-  EXPECT_EQ(others.conflict("base", "ct", kNow), "");
+  others.heard(transform("x", "base"), "a", true, kStart);
+  others.heard(transform("base", "x"), "b", true, kStart);
+  EXPECT_EQ(others.conflict("base", "ct", kStart), "");
 }
 
 TEST(TfWatch, WhatListenersHaveForgottenIsNoConflict) {
   TfWatch watch;
-  watch.heard(transform("base", "ct"), "other", false, kNow);
-  EXPECT_NE(watch.conflict("base", "ct", kNow + TfWatch::kMemory), "");
-  const auto later = kNow + TfWatch::kMemory + std::chrono::milliseconds(1);
+  watch.heard(transform("base", "ct"), "other", false, kStart);
+  EXPECT_NE(watch.conflict("base", "ct", kStart + TfWatch::kMemory), "");
+  const auto later = kStart + TfWatch::kMemory + std::chrono::milliseconds(1);
   EXPECT_EQ(watch.conflict("base", "ct", later), "");
-  watch.heard(transform("base", "ct"), "other", true, kNow);
+  watch.heard(transform("base", "ct"), "other", true, kStart);
   EXPECT_NE(watch.conflict("base", "ct", later + std::chrono::hours(9)), "");
 }
 

@@ -18,7 +18,7 @@ constexpr std::uint32_t kUndefinedLength = 0xffffffff;
 constexpr std::uint32_t kItem = 0xfffee000;
 constexpr std::uint32_t kItemEnd = 0xfffee00d;
 constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
-constexpr std::uint32_t kPixelData = 0x7fe00010;
+constexpr std::uint32_t kPixelDataTag = 0x7fe00010;
 constexpr std::uint32_t kTransferSyntax = 0x00020010;
 constexpr std::uint64_t kPreambleBytes = 128;
 /// Values of the attributes that are read are shorter than this.
@@ -106,7 +106,7 @@ class Parser {
   void parse_top(DicomDataset& data, std::optional<DicomPixelData>& pixels) {
     while (next_group()) {
       const Header header = read_header();
-      if (header.tag == kPixelData) {
+      if (header.tag == kPixelDataTag) {
         pixels = parse_pixels(header);
         return;
       }

@@ -11,7 +11,7 @@ namespace usct::io {
 namespace {
 
 /// Greatest number of faults that a message lists.
-constexpr std::size_t kNamed = 4;
+constexpr std::size_t kNamedGaps = 4;
 
 /// Gaps between neighbours that are equal within the tolerance.
 struct GapGroup {
@@ -71,7 +71,7 @@ class Describer {
       const auto lacking = std::lround(group.mean_mm / stack_.spacing_mm) - 1;
       if (lacking < 1) continue;
       for (const std::size_t after : group.after) {
-        if (++all > kNamed) continue;
+        if (++all > kNamedGaps) continue;
         out += (named++ > 0 ? "; " : "") + std::to_string(lacking) + " in the gap of " + gap(after);
       }
     }
@@ -82,7 +82,7 @@ class Describer {
     std::string out = "slice spacing is uneven: ";
     std::size_t named = 0;
     for (const GapGroup& group : groups) {
-      if (++named > kNamed) continue;
+      if (++named > kNamedGaps) continue;
       out += (named > 1 ? "; " : "") + std::to_string(group.after.size()) + " x " +
              gap(group.after.front());
     }
@@ -91,7 +91,7 @@ class Describer {
 
  private:
   static std::string more(std::size_t all) {
-    return all > kNamed ? "; and " + std::to_string(all - kNamed) + " more" : "";
+    return all > kNamedGaps ? "; and " + std::to_string(all - kNamedGaps) + " more" : "";
   }
 
   const std::vector<SlicePose>& slices_;

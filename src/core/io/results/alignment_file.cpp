@@ -15,20 +15,20 @@ namespace usct {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using UnorderedJson = nlohmann::json;
 
 constexpr const char* kFormat = "us_ct_registration alignment 2";
 // The content has three levels. Thousands, in a damaged file, would exhaust the stack where they
 // are written as text.
 constexpr int kDeepest = 8;
 
-std::uint32_t checksum(const Json& content) {
+std::uint32_t checksum(const UnorderedJson& content) {
   const std::string text = content.dump();
   return static_cast<std::uint32_t>(
       crc32_z(0, reinterpret_cast<const Bytef*>(text.data()), text.size()));
 }
 
-Json to_json(const Alignment& alignment) {
+UnorderedJson to_json(const Alignment& alignment) {
   const auto& t = alignment.T_fixed_ct.translation_m;
   const auto& q = alignment.T_fixed_ct.rotation;
   const double error_m = alignment.expected_error_m;
@@ -38,13 +38,14 @@ Json to_json(const Alignment& alignment) {
           {"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}},
           {"us_stamp_ns", alignment.us_stamp_ns},
           {"accepted_ns", alignment.accepted_ns},
-          {"expected_error_m", std::isfinite(error_m) ? Json(error_m) : Json(nullptr)},
+          {"expected_error_m",
+           std::isfinite(error_m) ? UnorderedJson(error_m) : UnorderedJson(nullptr)},
           {"covariance", std::vector<double>(alignment.covariance.reshaped().begin(),
                                              alignment.covariance.reshaped().end())},
           {"ct_crc32", alignment.ct_crc32}};
 }
 
-Alignment alignment_from(const Json& json, const std::string& source) {
+Alignment alignment_from(const UnorderedJson& json, const std::string& source) {
   Alignment alignment;
   alignment.restored = true;
   alignment.fixed_frame = json.at("fixed_frame").get<std::string>();
@@ -52,7 +53,7 @@ Alignment alignment_from(const Json& json, const std::string& source) {
   alignment.us_stamp_ns = json.at("us_stamp_ns").get<std::int64_t>();
   alignment.accepted_ns = json.at("accepted_ns").get<std::int64_t>();
   alignment.ct_crc32 = json.at("ct_crc32").get<std::uint32_t>();
-  const Json& error_m = json.at("expected_error_m");
+  const UnorderedJson& error_m = json.at("expected_error_m");
   if (!error_m.is_null()) alignment.expected_error_m = error_m.get<double>();
   const auto covariance = json.at("covariance").get<std::array<double, 36>>();
   alignment.covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6>>(covariance.data());
@@ -74,11 +75,13 @@ StoredAlignment read_alignment(const fs::path& path) {
   std::ifstream file(path);
   if (!file || fs::is_directory(path)) throw InputError(path.string(), "cannot be read");
   try {
-    const Json json = Json::parse(file, [&](int depth, Json::parse_event_t, const Json&) {
-      if (depth > kDeepest) throw InputError(path.string(), "is damaged: it is nested too deeply");
-      return true;
-    });
-    const Json& content = json.at("content");
+    const UnorderedJson json = UnorderedJson::parse(
+        file, [&](int depth, UnorderedJson::parse_event_t, const UnorderedJson&) {
+          if (depth > kDeepest)
+            throw InputError(path.string(), "is damaged: it is nested too deeply");
+          return true;
+        });
+    const UnorderedJson& content = json.at("content");
     if (json.at("crc32").get<std::uint32_t>() != checksum(content))
       throw InputError(path.string(), "is damaged: its checksum is not that of its content");
     if (content.at("format").get<std::string>() != kFormat)
@@ -88,17 +91,17 @@ StoredAlignment read_alignment(const fs::path& path) {
     if (!content.at("alignment").is_null())
       stored.alignment = alignment_from(content.at("alignment"), path.string());
     return stored;
-  } catch (const Json::exception& error) {
+  } catch (const UnorderedJson::exception& error) {
     throw InputError(path.string(), "is damaged: " + std::string(error.what()));
   }
 }
 
 void write_alignment(const StoredAlignment& stored, const fs::path& path) {
-  const Json content = {
+  const UnorderedJson content = {
       {"format", kFormat},
       {"decided_result_crc32", stored.decided},
-      {"alignment", stored.alignment ? to_json(*stored.alignment) : Json(nullptr)}};
-  const Json json = {{"content", content}, {"crc32", checksum(content)}};
+      {"alignment", stored.alignment ? to_json(*stored.alignment) : UnorderedJson(nullptr)}};
+  const UnorderedJson json = {{"content", content}, {"crc32", checksum(content)}};
   write_atomically(path, [&](const fs::path& temporary) {
     std::ofstream file(temporary);
     file << json.dump(2) << "\n";

@@ -10,7 +10,7 @@
 namespace usct {
 namespace {
 
-constexpr std::size_t kPeekedBytes = std::size_t{1} << 16;
+constexpr std::size_t kHeaderBytes = std::size_t{1} << 16;
 
 /// The meaning of the two letters for the in-plane axes. M and U are opposite directions, and so
 /// are F and N.
@@ -48,7 +48,7 @@ void require_brightness(const IgsioSequence& sequence, const std::string& source
 
 bool is_igsio(const std::filesystem::path& path) {
   try {
-    const io::Bytes bytes = io::read_prefix(path, kPeekedBytes);
+    const io::Bytes bytes = io::read_prefix(path, kHeaderBytes);
     const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     const std::string_view header = text.substr(0, text.find("\nElementDataFile"));
     return header.substr(0, 10) == "ObjectType" &&

@@ -84,13 +84,13 @@ bool take_flag(Fields& fields, const std::string& name, const std::string& sourc
   return value == "True";
 }
 
-struct Sizes {
+struct SequenceSizes {
   int width;
   int height;
   int frames;
 };
 
-Sizes take_sizes(Fields& fields, const std::string& source) {
+SequenceSizes take_sizes(Fields& fields, const std::string& source) {
   const int dimensions = parse_int(take_required(fields, "NDims", source), source, "NDims");
   if (dimensions != 2 && dimensions != 3)
     throw InputError(source, "'NDims' is " + std::to_string(dimensions) +
@@ -271,7 +271,7 @@ IgsioSequence parse_igsio(Bytes bytes, const std::string& source,
   Fields& fields = header.fields;
   if (take_required(fields, "ObjectType", source) != "Image")
     throw InputError(source, "'ObjectType' must be Image");
-  const Sizes sizes = take_sizes(fields, source);
+  const SequenceSizes sizes = take_sizes(fields, source);
   IgsioSequence sequence;
   sequence.width = sizes.width;
   sequence.height = sizes.height;

@@ -7,10 +7,10 @@
 namespace usct {
 namespace {
 
-using Field = std::int32_t PropelloHeader::*;
+using PropelloField = std::int32_t PropelloHeader::*;
 
 /// The fields of the header in the order of the file.
-constexpr std::array<Field, 7> kFields = {
+constexpr std::array<PropelloField, 7> kPropelloFields = {
     &PropelloHeader::type, &PropelloHeader::volumes, &PropelloHeader::fpv,     &PropelloHeader::w,
     &PropelloHeader::h,    &PropelloHeader::ss,      &PropelloHeader::degPerFr};
 
@@ -59,7 +59,8 @@ PropelloHeader parse_propello_header(const Bytes& prefix, std::uint64_t file_siz
                                  " bytes, the header alone needs " +
                                  std::to_string(kPropelloHeaderBytes));
   PropelloHeader header;
-  for (std::size_t i = 0; i < kFields.size(); ++i) header.*kFields[i] = int32_le(prefix, 4 * i);
+  for (std::size_t i = 0; i < kPropelloFields.size(); ++i)
+    header.*kPropelloFields[i] = int32_le(prefix, 4 * i);
   const std::uint64_t size = check_header(header, source);
   if (file_size - kPropelloHeaderBytes != size)
     throw InputError(source, "has " + std::to_string(file_size - kPropelloHeaderBytes) +
@@ -82,7 +83,7 @@ Bytes format_propello(const PropelloVolumes& volumes, const std::string& source)
   if (volumes.voxels.size() != check_header(volumes.header, source))
     throw InputError(source, "voxels do not fit the header's sizes");
   Bytes bytes;
-  for (const Field field : kFields) append_int32_le(bytes, volumes.header.*field);
+  for (const PropelloField field : kPropelloFields) append_int32_le(bytes, volumes.header.*field);
   bytes.insert(bytes.end(), volumes.voxels.begin(), volumes.voxels.end());
   return bytes;
 }

@@ -8,10 +8,10 @@
 namespace usct {
 namespace {
 
-using Field = std::int32_t UltrasonixHeader::*;
+using UltrasonixField = std::int32_t UltrasonixHeader::*;
 
 /// The fields of the header in the order of the file.
-constexpr std::array<Field, 19> kFields = {
+constexpr std::array<UltrasonixField, 19> kUltrasonixFields = {
     &UltrasonixHeader::type, &UltrasonixHeader::frames, &UltrasonixHeader::w,
     &UltrasonixHeader::h,    &UltrasonixHeader::ss,     &UltrasonixHeader::ulx,
     &UltrasonixHeader::uly,  &UltrasonixHeader::urx,    &UltrasonixHeader::ury,
@@ -20,7 +20,7 @@ constexpr std::array<Field, 19> kFields = {
     &UltrasonixHeader::sf,   &UltrasonixHeader::dr,     &UltrasonixHeader::ld,
     &UltrasonixHeader::extra};
 
-constexpr std::array<std::pair<std::int32_t, const char*>, 18> kTypes = {{
+constexpr std::array<std::pair<std::int32_t, const char*>, 18> kUltrasonixTypes = {{
     {0x1, "screen"},
     {0x2, "B before scan conversion (.bpr)"},
     {0x4, "B after scan conversion, 8 bit (.b8)"},
@@ -44,7 +44,7 @@ constexpr std::array<std::pair<std::int32_t, const char*>, 18> kTypes = {{
 }  // namespace
 
 std::string ultrasonix_type_name(std::int32_t type) {
-  for (const auto& [number, name] : kTypes)
+  for (const auto& [number, name] : kUltrasonixTypes)
     if (number == type) return name;
   return "unknown";
 }
@@ -72,8 +72,8 @@ UltrasonixLayout parse_ultrasonix_header(const Bytes& prefix, std::uint64_t file
                                  " bytes, the header alone needs " +
                                  std::to_string(kUltrasonixHeaderBytes));
   UltrasonixLayout layout;
-  for (std::size_t i = 0; i < kFields.size(); ++i)
-    layout.header.*kFields[i] = int32_le(prefix, 4 * i);
+  for (std::size_t i = 0; i < kUltrasonixFields.size(); ++i)
+    layout.header.*kUltrasonixFields[i] = int32_le(prefix, 4 * i);
   const UltrasonixHeader& header = layout.header;
   check_type(header, source);
   const std::uint64_t frames = size_product({header.frames}, source, "frames");
@@ -120,7 +120,7 @@ Bytes format_ultrasonix(const UltrasonixSequence& sequence, const std::string& s
   if (sequence.voxels.size() != size || (tagged && sequence.frame_tags.size() != frames))
     throw InputError(source, "voxels or frame tags do not fit the header's sizes");
   Bytes bytes;
-  for (const Field field : kFields) append_int32_le(bytes, header.*field);
+  for (const UltrasonixField field : kUltrasonixFields) append_int32_le(bytes, header.*field);
   const std::size_t frame_bytes = sequence.voxels.size() / frames;
   for (std::size_t frame = 0; frame < frames; ++frame) {
     if (tagged) append_int32_le(bytes, sequence.frame_tags[frame]);

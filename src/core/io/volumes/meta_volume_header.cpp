@@ -14,10 +14,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLongestHeader = std::size_t{1} << 20;
 constexpr double kUnitTolerance = 1e-3;
 
-const std::map<std::string, Component>& component_names() {
+const std::map<std::string, Component>& meta_types() {
   static const std::map<std::string, Component> names = {
       {"MET_CHAR", Component::kInt8},       {"MET_UCHAR", Component::kUint8},
       {"MET_SHORT", Component::kInt16},     {"MET_USHORT", Component::kUint16},
@@ -83,7 +82,7 @@ void check_is_plain_volume(const HeaderFields& fields) {
     fields.refuse("BinaryData", "True");
 }
 
-Grid read_grid(const HeaderFields& fields) {
+Grid meta_grid(const HeaderFields& fields) {
   const std::string matrix_field = spelling(fields, {"TransformMatrix", "Orientation", "Rotation"});
   const std::string origin_field = spelling(fields, {"Offset", "Position", "Origin"});
   const std::vector<int> sizes = fields.require_ints("DimSize", 3);
@@ -101,9 +100,9 @@ Grid read_grid(const HeaderFields& fields) {
                         Eigen::Map<const Eigen::Vector3d>(origin.data()));
 }
 
-Component read_component(const HeaderFields& fields) {
-  const auto found = component_names().find(fields.require("ElementType"));
-  if (found == component_names().end())
+Component meta_component(const HeaderFields& fields) {
+  const auto found = meta_types().find(fields.require("ElementType"));
+  if (found == meta_types().end())
     fields.refuse("ElementType", "MET_CHAR to MET_ULONG_LONG, MET_FLOAT or MET_DOUBLE");
   return found->second;
 }
@@ -134,8 +133,8 @@ VolumeHeader read_meta_header(const fs::path& path) {
   check_is_plain_volume(fields);
   VolumeHeader header;
   header.format = "MetaImage";
-  header.grid = read_grid(fields);
-  header.component = read_component(fields);
+  header.grid = meta_grid(fields);
+  header.component = meta_component(fields);
   if (bytes_of(header.component) > 1)
     header.big_endian =
         is_true(fields, spelling(fields, {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}));
@@ -148,7 +147,7 @@ VolumeHeader read_meta_header(const fs::path& path) {
 
 Bytes meta_header(const Grid& grid, Component component, const std::string& data_file) {
   std::string type;
-  for (const auto& [name, known] : component_names())
+  for (const auto& [name, known] : meta_types())
     if (known == component) type = name;
   const std::string header =
       "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"

@@ -17,9 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLongestHeader = std::size_t{1} << 20;
-
-const std::map<std::string, Component>& component_names() {
+const std::map<std::string, Component>& nrrd_types() {
   static const std::map<std::string, Component> names = {
       {"signed char", Component::kInt8},
       {"int8", Component::kInt8},
@@ -114,7 +112,7 @@ void check_kinds_and_units(const HeaderFields& fields) {
       if (unit != "\"mm\"") fields.refuse("space units", "\"mm\" for each axis");
 }
 
-Grid read_grid(const HeaderFields& fields) {
+Grid nrrd_grid(const HeaderFields& fields) {
   if (fields.require_ints("dimension", 1)[0] != 3) fields.refuse("dimension", "3");
   check_kinds_and_units(fields);
   const std::vector<int> sizes = fields.require_ints("sizes", 3);
@@ -125,9 +123,9 @@ Grid read_grid(const HeaderFields& fields) {
                         to_lps.asDiagonal() * axes_mm, to_lps.cwiseProduct(origin_mm));
 }
 
-Component read_component(const HeaderFields& fields) {
-  const auto found = component_names().find(lower_case(fields.require("type")));
-  if (found == component_names().end())
+Component nrrd_component(const HeaderFields& fields) {
+  const auto found = nrrd_types().find(lower_case(fields.require("type")));
+  if (found == nrrd_types().end())
     fields.refuse("type", "an integer type of 8 to 64 bits, float or double");
   return found->second;
 }
@@ -183,8 +181,8 @@ VolumeHeader read_nrrd_header(const fs::path& path) {
   const HeaderFields fields(path.string(), text.fields);
   VolumeHeader header;
   header.format = "NRRD";
-  header.grid = read_grid(fields);
-  header.component = read_component(fields);
+  header.grid = nrrd_grid(fields);
+  header.component = nrrd_component(fields);
   header.encoding = read_encoding(fields);
   header.big_endian = read_big_endian(fields, header.component);
   locate_data(path, fields, text.data_offset, header);

@@ -12,6 +12,9 @@
 
 namespace usct::io {
 
+/// Headers in text are read up to this size, bytes.
+constexpr std::size_t kLongestHeader = std::size_t{1} << 20;
+
 enum class Component {
   kInt8,
   kUint8,

@@ -1,0 +1,35 @@
+# Compiles the files of a folder together, for which their headers are read once: all of the project then takes a third
+# of the processor's time. scripts/common.sh asks for it; who edits a single file is better off without.
+set(USCT_UNITS "" CACHE PATH "Folder for files that compile all files of a source folder at once; empty: none")
+
+# usct_unite(VARIABLE BASE): replaces absolute paths of source files in VARIABLE by one unit per folder, which includes
+# them relative to BASE, an include folder of the target. The files of a unit share their unnamed namespace.
+function(usct_unite variable base)
+  if(NOT USCT_UNITS)
+    return()
+  endif()
+  set(alone)
+  set(folders)
+  foreach(source ${${variable}})
+    # Highway compiles its kernels by including a file again and again. ITK brings an Eigen of its own.
+    file(STRINGS ${source} obstacles REGEX "HWY_TARGET_INCLUDE|#include [<\"]itk")
+    if(obstacles)
+      list(APPEND alone ${source})
+    else()
+      file(RELATIVE_PATH path ${base} ${source})
+      file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${source})
+      get_filename_component(folder ${folder} DIRECTORY)
+      list(APPEND folders ${folder})
+      string(MAKE_C_IDENTIFIER ${folder} unit)
+      string(APPEND content_of_${unit} "#include \"${path}\"\n")
+    endif()
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  set(units)
+  foreach(folder ${folders})
+    string(MAKE_C_IDENTIFIER ${folder} unit)
+    file(CONFIGURE OUTPUT ${USCT_UNITS}/${unit}.cpp CONTENT "${content_of_${unit}}" @ONLY)
+    list(APPEND units ${USCT_UNITS}/${unit}.cpp)
+  endforeach()
+  set(${variable} ${alone} ${units} PARENT_SCOPE)
+endfunction()
