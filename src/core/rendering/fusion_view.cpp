@@ -32,7 +32,7 @@ StandingMark mark_of(PoseStanding standing) {
     case PoseStanding::kWaiting:
       return {"WAITING", {230, 130, 0}};
     case PoseStanding::kRefused:
-      return {"REFUSED", {225, 0, 0}};
+      return {"REFUSED", {235, 30, 30}};
     case PoseStanding::kNone:
       break;
   }
@@ -44,11 +44,11 @@ const char* kind_of(FusionMode mode) {
     case FusionMode::kUltrasound:
       return "ultrasound";
     case FusionMode::kContours:
-      return "ultrasound, lines of the CT";
+      return "lines of the CT";
     case FusionMode::kBlend:
-      return "ultrasound blue, CT orange";
+      return "US blue, CT orange";
     case FusionMode::kCheckerboard:
-      return "ultrasound and CT in squares";
+      return "US and CT in squares";
     case FusionMode::kSimulated:
       return "simulated from the CT";
   }

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "text.h"
-#include "us_ct_registration/rendering/result_marks.h"
 
 namespace usct::rendering {
 namespace {
@@ -28,6 +30,21 @@ void fill_edged(Picture& picture, int left, int top, int width, int height) {
   fill(picture, left, top, width, height, kWhite);
 }
 
+/// Appends a line in parts that are at most `width` pixels wide, broken at blanks; a wider word has
+/// a line of its own.
+void append_broken(std::string_view line, int width, double size, std::vector<std::string>& parts) {
+  bool is_first = true;
+  for (const std::string_view word : words(line)) {
+    std::string longer = is_first ? "" : parts.back() + " ";
+    longer += word;
+    if (is_first || text_width_px(longer, size) > width)
+      parts.emplace_back(word);
+    else
+      parts.back() = std::move(longer);
+    is_first = false;
+  }
+}
+
 }  // namespace
 
 std::string patient_direction(const Eigen::Vector3d& direction_ct) {
@@ -48,19 +65,12 @@ std::string patient_direction(const Eigen::Vector3d& direction_ct) {
   return letters;
 }
 
-std::size_t letters_in(int width, double size) {
-  const double letter_px = 20.0 * size;  // generously
-  return static_cast<std::size_t>(
-      std::max(1.0, std::floor((width - 2 * kMarginPx) / letter_px + 1e-9)));
-}
-
 int line_px(double size) { return static_cast<int>(std::lround(53.0 * size)); }
 
 Picture text_block(const std::string& text, int width, const TextStyle& style) {
   std::vector<std::string> lines;
   for (const std::string_view line : split(text, '\n'))
-    for (std::string& part : wrapped(std::string(line), letters_in(width, style.size)))
-      lines.push_back(std::move(part));
+    append_broken(line, width - 2 * kMarginPx, style.size, lines);
   const int line_height = line_px(style.size);
   Picture block(width, line_height * static_cast<int>(lines.size()));
   fill(block, 0, 0, block.width, block.height, style.background);

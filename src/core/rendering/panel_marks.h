@@ -18,9 +18,6 @@ struct TextStyle {
   Picture::Colour background{30, 30, 30};
 };
 
-/// Number of letters of average width that fit into `width` pixels, at least 1.
-std::size_t letters_in(int width, double size = kCaptionSize);
-
 /// Distance of lines of text, pixels.
 int line_px(double size = kCaptionSize);
 

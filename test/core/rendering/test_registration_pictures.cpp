@@ -255,7 +255,7 @@ TEST(RegistrationPictures, AreWrittenIntoANewFolder) {
                                   folder.path() / "refused", green_line());
   ASSERT_EQ(only.size(), 1U);
   const cv::Mat sheet = cv::imread(only[0].string());
-  EXPECT_EQ(sheet.rows, kHeaderPx + 24 + 2 * (kPanelPx + kGapPx));
+  EXPECT_EQ(sheet.rows, kHeaderPx + 2 * (kPanelPx + kGapPx));
 }
 
 TEST(RegistrationPictures, RefuseWhatIsNoInput) {
