@@ -38,3 +38,41 @@ build() {
   say "building: $*"
   cmake --build "$project/build" --target "$@"
 }
+
+# Everything that was started ends with the script, however that ends, and the folder `temporary` is removed.
+started=() temporary=''
+start() {  # start LOG COMMAND...
+  local log=$1; shift
+  setsid "$@" > "$log" 2>&1 &
+  started+=($!)
+}
+stop_all() {
+  local status=$? i pid
+  trap - EXIT INT TERM
+  # Last started first; roslaunch ends its nodes before itself.
+  for ((i = ${#started[@]} - 1; i >= 0; --i)); do
+    pid=${started[i]}
+    kill -TERM "$pid" 2>/dev/null || continue
+    for _ in $(seq 400); do kill -0 "$pid" 2>/dev/null || break; sleep 0.1; done
+    kill -KILL -- "-$pid" 2>/dev/null || true
+  done
+  rm -rf ${temporary:+"$temporary"}
+  exit "$status"
+}
+
+# own_master FOLDER: a ROS master of the script's own, started by start_master, with its logs in FOLDER. Whatever else
+# runs on this machine is left alone, and what the script starts ends with it.
+own_master() {
+  trap stop_all EXIT
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  master_port=$(python3 -c 'import socket; s = socket.socket(); s.bind(("localhost", 0)); print(s.getsockname()[1])')
+  export ROS_MASTER_URI=http://localhost:$master_port ROS_HOSTNAME=localhost ROS_LOG_DIR=$1/log ROS_HOME=$1/ros
+  unset ROS_IP
+}
+start_master() {
+  mkdir -p "$ROS_LOG_DIR"
+  start "$ROS_LOG_DIR/master.log" roscore -p "$master_port"
+  until rosparam list > /dev/null 2>&1; do kill -0 "${started[-1]}"; sleep 0.2; done
+}
+client() { python3 "$project/scripts/demo_client.py" "$@"; }

@@ -63,7 +63,7 @@ void replace_all(std::string& text, const std::string& name, const std::string& 
 
 }  // namespace
 
-DataRoot::DataRoot(const fs::path& root, const std::string& parameter) {
+DataRoot::DataRoot(const fs::path& root, const std::string& parameter) : parameter_(parameter) {
   std::error_code error;
   if (root.is_absolute()) root_ = fs::canonical(root, error);
   if (root_.empty() || error || !fs::is_directory(root_, error))
@@ -84,15 +84,25 @@ void DataRoot::require_no_link_out(const fs::path& folder, bool with_subfolders,
   });
 }
 
-fs::path DataRoot::resolve(const std::string& given, const std::string& field) const {
+fs::path DataRoot::below(const std::string& given, const std::string& field) const {
   if (given.empty()) throw InputError("'" + field + "'", "is empty");
   if (given.find('\0') != std::string::npos) throw InputError("'" + field + "'", "has a zero byte");
   std::error_code error;
-  fs::path path = fs::weakly_canonical(root_ / given, error);
+  const fs::path path = fs::weakly_canonical(root_ / given, error);
   if (error || !is_below(path))
     throw PathRefused("'" + field + "' is '" + given +
-                      "', must lie below the data root (parameter data_root) after links and .. "
-                      "are resolved");
+                      "', must lie below the data root (parameter " + parameter_ +
+                      ") after links and .. are resolved");
+  return path;
+}
+
+fs::path DataRoot::resolve_new(const std::string& given, const std::string& field) const {
+  return below(given, field);
+}
+
+fs::path DataRoot::resolve(const std::string& given, const std::string& field) const {
+  const fs::path path = below(given, field);
+  std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) throw InputError(given, "does not exist");
   if (!fs::is_directory(status) && !fs::is_regular_file(status))

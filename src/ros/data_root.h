@@ -14,9 +14,9 @@ class PathRefused : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The folder below which callers may have files opened. Callers may be told no path but the one
-/// that they gave, and no name of a file or folder that they did not name, because many such names
-/// are those of patients.
+/// The folder below which callers may have files opened or written. Callers may be told no path but
+/// the one that they gave, and no name of a file or folder that they did not name, because many
+/// such names are those of patients.
 class DataRoot {
  public:
   /// Throws InputError, naming `parameter`, unless `root` is a folder.
@@ -28,12 +28,18 @@ class DataRoot {
   /// read together with others, beside the file. Throws InputError if nothing has that name.
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
 
+  /// The file to write that `given` names, with the links of its folder resolved; a relative path
+  /// begins at the root. Throws PathRefused, naming `field`, if it is not below the root.
+  std::filesystem::path resolve_new(const std::string& given, const std::string& field) const;
+
  private:
+  std::filesystem::path below(const std::string& given, const std::string& field) const;
   bool is_below(const std::filesystem::path& path) const;
   void require_no_link_out(const std::filesystem::path& folder, bool with_subfolders,
                            const std::string& field) const;
 
   std::filesystem::path root_;
+  std::string parameter_;
 };
 
 /// A `text` about `path` that callers may read: it has `path` as the caller gave it, and numbers in

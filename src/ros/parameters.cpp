@@ -35,8 +35,8 @@ double as_number(const XmlRpcValue& value, const std::string& name) {
 
 /// registration.launch keeps a copy of the parameters of its argument `override`.
 void require_known_override(const std::string& name, const std::string& node) {
-  static const std::set<std::string> kNodes = {"ct_server", "registration", "tf_publisher",
-                                               "us_cloud", "us_ingest"};
+  static const std::set<std::string> kNodes = {"ct_server",    "fusion_view", "registration",
+                                               "tf_publisher", "us_cloud",    "us_ingest"};
   const std::string prefix =
       ::ros::names::append(::ros::names::parentNamespace(node), "override") + "/";
   if (name.compare(0, prefix.size(), prefix) != 0) return;

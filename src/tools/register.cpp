@@ -10,7 +10,6 @@
 
 #include "beam_options.h"
 #include "commands.h"
-#include "confidence_text.h"
 #include "exit_status.h"
 #include "initial_pose.h"
 #include "inputs.h"
@@ -22,6 +21,7 @@
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/registration/confidence_text.h"
 #include "us_ct_registration/registration/rough_pose.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 

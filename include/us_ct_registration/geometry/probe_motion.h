@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/geometry/scan_geometry.h"
 
 /// A probe that moves while it acquires a sweep: each frame is seen from where the probe was then.
 ///
@@ -18,5 +19,9 @@ double probe_motion_mm(const BeamGrid& grid, const std::vector<Eigen::Isometry3d
 
 /// Moves the beams of each frame by its pose. Throws InputError unless there is one per frame.
 void follow_probe(const std::vector<Eigen::Isometry3d>& T_us_then, BeamGrid& grid);
+
+/// The same for the geometry of a sweep, which becomes that of a tracked one: each frame has one
+/// pose, a motorised one that of its middle line. Throws InputError unless there is one per frame.
+ScanGeometry follow_probe(const std::vector<Eigen::Isometry3d>& T_us_then, ScanGeometry geometry);
 
 }  // namespace usct

@@ -30,9 +30,15 @@ struct Picture {
   const std::uint8_t* pixel(int x, int y) const { return const_cast<Picture*>(this)->pixel(x, y); }
 };
 
+/// Size of text in captions: capitals are 10 pixels high. It is proportional to their height.
+constexpr double kCaptionSize = 0.45;
+
 /// Writes text with its lower left corner at (x, y), with a black edge.
 void draw_text(Picture& picture, const std::string& text, int x, int y,
-               const Picture::Colour& colour = {255, 255, 255});
+               const Picture::Colour& colour = {255, 255, 255}, double size = kCaptionSize);
+
+/// Width of a text that `draw_text` writes, pixels.
+int text_width_px(const std::string& text, double size = kCaptionSize);
 
 /// Pictures in rows and columns with a thin gap; a row is as high as its highest picture, a column
 /// as wide as its widest.

@@ -13,9 +13,6 @@
 /// best candidate, and every such picture says so in red.
 namespace usct {
 
-/// Distance of texts from the edges of a panel, pixels.
-constexpr int kTextMarginPx = 6;
-
 inline bool is_refused(const RegistrationResult& result) { return !result.T_us_ct.has_value(); }
 
 /// The pose to draw: the transform of a registration, or the best candidate of a refused one; unset

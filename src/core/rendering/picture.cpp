@@ -13,6 +13,7 @@ namespace usct {
 namespace {
 
 constexpr int kGapPx = 4;
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr std::uint8_t kGapGrey = 60;
 
 int row_height(const std::vector<Picture>& row) {
@@ -28,13 +29,18 @@ cv::Mat as_mat(Picture& picture) {
 }  // namespace
 
 void draw_text(Picture& picture, const std::string& text, int x, int y,
-               const Picture::Colour& colour) {
+               const Picture::Colour& colour, double size) {
   cv::Mat mat = as_mat(picture);
   const auto put = [&](const cv::Scalar& ink, int thickness) {
-    cv::putText(mat, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, ink, thickness, cv::LINE_AA);
+    cv::putText(mat, text, {x, y}, kFont, size, ink, thickness, cv::LINE_AA);
   };
   put({0, 0, 0}, 3);
   put({double(colour[0]), double(colour[1]), double(colour[2])}, 1);
+}
+
+int text_width_px(const std::string& text, double size) {
+  int baseline = 0;
+  return cv::getTextSize(text, kFont, size, 1, &baseline).width;
 }
 
 Picture tile(const std::vector<std::vector<Picture>>& rows) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <sstream>
 
 #include "rendering/ct_contours.h"
@@ -53,14 +52,12 @@ Field field_along(const Eigen::Matrix3d& axes_us, const MaskVolume& mask) {
   return field;
 }
 
-/// Planes as `orthogonal_planes`, but along `axes_us`.
+/// Planes through a point (US frame) as `orthogonal_planes`, but along `axes_us`.
 std::array<SlicePlane, 3> planes_along(const Eigen::Matrix3d& axes_us, const Field& field,
-                                       const RegistrationPictureOptions& options) {
-  const Vector3d centre_mm = options.centre_us_mm
-                                 ? Vector3d(axes_us.transpose() * *options.centre_us_mm)
-                                 : field.middle_mm;
-  const Grid extent = grid_around_box(field.box_mm.min(), field.box_mm.max(), options.pixel_mm);
-  std::array<SlicePlane, 3> planes = orthogonal_planes(extent, centre_mm, options.pixel_mm);
+                                       const Vector3d& centre_us_mm, double pixel_mm) {
+  const Grid extent = grid_around_box(field.box_mm.min(), field.box_mm.max(), pixel_mm);
+  std::array<SlicePlane, 3> planes =
+      orthogonal_planes(extent, axes_us.transpose() * centre_us_mm, pixel_mm);
   for (SlicePlane& plane : planes) {
     plane.centre_mm = axes_us * plane.centre_mm;
     plane.right = axes_us * plane.right;
@@ -69,22 +66,23 @@ std::array<SlicePlane, 3> planes_along(const Eigen::Matrix3d& axes_us, const Fie
   return planes;
 }
 
-int text_width_px(const std::string& text) {
-  int baseline = 0;
-  return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, 0.45, 1, &baseline).width;
-}
-
 /// Whether a pixel is unknown: ultrasound is grey, its surroundings dark blue.
 bool is_unknown(const std::uint8_t* pixel) { return pixel[0] != pixel[2]; }
 
 }  // namespace
 
-Panels::Panels(const ScanConverted& us, const CtVolume& ct, const Isometry3d& T_us_ct_of_levels,
-               const RegistrationPictureOptions& options)
-    : us_(us), ct_(ct), options_(options), gain_(display_gain(us)) {
+Panels::Panels(const ScanConverted& us, const RegistrationPictureOptions& options)
+    : us_(us), options_(options), gain_(display_gain(us)) {
   options.validate("registration pictures");
   field_ = field_along(options.axes_us, us.mask);
-  planes_ = planes_along(options.axes_us, field_, options);
+  centre_us_mm_ = options.centre_us_mm.value_or(options.axes_us * field_.middle_mm);
+  planes_ = planes_along(options.axes_us, field_, centre_us_mm_, options.pixel_mm);
+}
+
+Panels::Panels(const ScanConverted& us, const CtVolume& ct, const Isometry3d& T_us_ct_of_levels,
+               const RegistrationPictureOptions& options)
+    : Panels(us, options) {
+  ct_ = &ct;
   if (options.levels.empty())
     options_.levels = choose_levels(ct, T_us_ct_of_levels, us.mask, planes_, options.smoothing_mm);
 }
@@ -109,12 +107,12 @@ Picture Panels::ultrasound(const SlicePlane& plane) const {
 }
 
 Picture Panels::computed(const SlicePlane& plane, const Isometry3d& T_us_ct) const {
-  return render_ct(ct_, T_us_ct, options_.window, plane);
+  return render_ct(*ct_, T_us_ct, options_.window, plane);
 }
 
 Picture Panels::with_contours(Picture picture, const SlicePlane& plane,
                               const Isometry3d& T_us_ct) const {
-  draw_contours(picture, ct_, T_us_ct, plane, options_);
+  draw_contours(picture, *ct_, T_us_ct, plane, options_);
   return picture;
 }
 

@@ -18,13 +18,23 @@ struct Field {
 /// ultrasound and the CT must outlive this object.
 class Panels {
  public:
-  /// Levels that `options` leaves open are chosen at the pose `T_us_ct_of_levels`. Throws
+  /// For panels of the ultrasound alone; functions with a pose must not be called. Throws
   /// InputError if an option is invalid or the mask is empty.
+  Panels(const ScanConverted& us, const RegistrationPictureOptions& options);
+
+  /// Levels that `options` leaves open are chosen at the pose `T_us_ct_of_levels`. Throws as the
+  /// other constructor.
   Panels(const ScanConverted& us, const CtVolume& ct, const Eigen::Isometry3d& T_us_ct_of_levels,
          const RegistrationPictureOptions& options);
 
   /// Three orthogonal planes: lateral-axial, elevation-axial, lateral-elevation.
   const std::array<SlicePlane, 3>& planes() const { return planes_; }
+
+  /// The point in which they meet, US frame, mm.
+  const Eigen::Vector3d& centre_us_mm() const { return centre_us_mm_; }
+
+  /// The levels of the iso-lines.
+  const std::vector<ContourLevel>& levels() const { return options_.levels; }
 
   /// A plane parallel to `plane`, at a fraction of the field's extent; `at_mm` becomes its
   /// position along the normal.
@@ -49,10 +59,11 @@ class Panels {
 
  private:
   const ScanConverted& us_;
-  const CtVolume& ct_;
+  const CtVolume* ct_ = nullptr;
   RegistrationPictureOptions options_;
   double gain_;
   Field field_;
+  Eigen::Vector3d centre_us_mm_;
   std::array<SlicePlane, 3> planes_;
 };
 

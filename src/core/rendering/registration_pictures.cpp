@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rendering/panel_marks.h"
 #include "rendering/registration_panels.h"
 #include "require.h"
 #include "us_ct_registration/geometry/rigid.h"
@@ -30,7 +31,7 @@ Isometry3d required_pose(const RegistrationResult& result) {
 using Row = std::vector<Picture>;
 
 void caption(Picture& picture, const std::string& text) {
-  draw_text(picture, text, kTextMarginPx, kCaptionPx);
+  draw_text(picture, text, rendering::kMarginPx, kCaptionPx);
 }
 
 /// The panels below a header with the result in words and the legend.
@@ -38,7 +39,7 @@ Picture sheet(const std::vector<Row>& rows, const Panels& panels,
               const RegistrationResult& result) {
   const Picture body = tile(rows);
   Picture legend(body.width, kLegendPx);
-  panels.draw_legend(legend, kTextMarginPx, kLegendPx - kTextMarginPx);
+  panels.draw_legend(legend, rendering::kMarginPx, kLegendPx - rendering::kMarginPx);
   return tile({{result_header(result, body.width)}, {legend}, {body}});
 }
 

@@ -1,27 +1,16 @@
 #include "us_ct_registration/rendering/result_marks.h"
 
-#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <string>
 
+#include "rendering/panel_marks.h"
 #include "text.h"
 
 namespace usct {
 namespace {
 
 const Picture::Colour kRefusedColour(225, 0, 0);
-const Picture::Colour kHeaderColour(30, 30, 30);
-constexpr int kLinePx = 24;
-constexpr int kFrameWidthPx = 3;
-/// Width of a letter of `draw_text`, generously.
-constexpr int kLetterPx = 9;
-
-void fill(Picture& picture, int left, int top, int width, int height,
-          const Picture::Colour& colour) {
-  for (int y = top; y < top + height; ++y)
-    for (int x = left; x < left + width; ++x) std::copy_n(colour.data(), 3, picture.pixel(x, y));
-}
 
 std::string headline(const RegistrationResult& result) {
   std::ostringstream text;
@@ -59,28 +48,13 @@ std::vector<std::string> wrapped(const std::string& text, std::size_t letters) {
 
 void mark_if_refused(std::vector<Picture>& panels, const RegistrationResult& result) {
   if (!is_refused(result)) return;
-  for (Picture& picture : panels) {
-    const int px = std::min({kFrameWidthPx, picture.width, picture.height});
-    fill(picture, 0, 0, picture.width, px, kRefusedColour);
-    fill(picture, 0, picture.height - px, picture.width, px, kRefusedColour);
-    fill(picture, 0, 0, px, picture.height, kRefusedColour);
-    fill(picture, picture.width - px, 0, px, picture.height, kRefusedColour);
-    draw_text(picture, "REFUSED", kTextMarginPx, picture.height - 2 * kTextMarginPx,
-              kRefusedColour);
-  }
+  for (Picture& picture : panels) rendering::draw_frame(picture, "REFUSED", kRefusedColour);
 }
 
 Picture result_header(const RegistrationResult& result, int width) {
-  const std::vector<std::string> lines =
-      wrapped(headline(result),
-              static_cast<std::size_t>(std::max(1, (width - 2 * kTextMarginPx) / kLetterPx)));
-  Picture header(width, kLinePx * static_cast<int>(lines.size()));
-  fill(header, 0, 0, header.width, header.height,
-       is_refused(result) ? kRefusedColour : kHeaderColour);
-  int bottom = 0;
-  for (const std::string& line : lines)
-    draw_text(header, line, kTextMarginPx, (bottom += kLinePx) - kTextMarginPx);
-  return header;
+  rendering::TextStyle style;
+  if (is_refused(result)) style.background = kRefusedColour;
+  return rendering::text_block(headline(result), width, style);
 }
 
 }  // namespace usct

@@ -1,5 +1,7 @@
 #include "ros/conversions/images.h"
 
+#include <sensor_msgs/image_encodings.h>
+
 #include <algorithm>
 #include <array>
 
@@ -69,6 +71,17 @@ std::vector<std::uint8_t> brightness_from(const sensor_msgs::Image& image,
       brightness.push_back(luma(pixel[encoding.red], pixel[encoding.green], pixel[encoding.blue]));
   }
   return brightness;
+}
+
+sensor_msgs::Image to_message(const Picture& picture, const std_msgs::Header& header) {
+  sensor_msgs::Image image;
+  image.header = header;
+  image.encoding = sensor_msgs::image_encodings::RGB8;
+  image.width = static_cast<std::uint32_t>(picture.width);
+  image.height = static_cast<std::uint32_t>(picture.height);
+  image.step = 3 * image.width;
+  image.data = picture.pixels;
+  return image;
 }
 
 }  // namespace usct::ros_interface

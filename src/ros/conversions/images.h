@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/rendering/picture.h"
+
 namespace usct::ros_interface {
 
 /// Throws InputError, naming `source`, for an encoding other than mono8, 8UC1, mono16, rgb8, bgr8,
@@ -16,5 +18,8 @@ void require_readable(const sensor_msgs::Image& image, const std::string& source
 /// luma (Rec. 601), of 16 bits the upper 8. Throws as `require_readable`.
 std::vector<std::uint8_t> brightness_from(const sensor_msgs::Image& image,
                                           const std::string& source);
+
+/// The picture as an image with the encoding rgb8.
+sensor_msgs::Image to_message(const Picture& picture, const std_msgs::Header& header);
 
 }  // namespace usct::ros_interface

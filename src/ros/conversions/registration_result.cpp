@@ -1,6 +1,7 @@
 #include "ros/conversions/registration_result.h"
 
 #include <limits>
+#include <map>
 
 #include "ros/conversions/poses.h"
 
@@ -23,6 +24,14 @@ std::uint8_t status_code(RegistrationStatus status) {
       return msg::StatusCode::CANCELLED;
   }
   return msg::StatusCode::FAILED;
+}
+
+RegistrationStatus status_from(std::uint8_t code) {
+  for (const RegistrationStatus status :
+       {RegistrationStatus::kRegistered, RegistrationStatus::kLowConfidence,
+        RegistrationStatus::kNoOverlap, RegistrationStatus::kCancelled})
+    if (status_code(status) == code) return status;
+  return RegistrationStatus::kFailed;
 }
 
 std::vector<msg::Measure> to_messages(const std::map<std::string, double>& numbers) {
@@ -76,6 +85,26 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
   message.evaluations = static_cast<std::uint32_t>(result.evaluations);
   message.version = result.version;
   return message;
+}
+
+RegistrationResult registration_result_from(const msg::RegistrationResult& message,
+                                            const std::string& source) {
+  RegistrationResult result;
+  result.status = status_from(message.status.code);
+  result.message = message.status.message;
+  if (result.status == RegistrationStatus::kRegistered)
+    result.T_us_ct = from_message_mm(message.transform, source);
+  result.similarity = message.similarity;
+  result.overlap = message.overlap;
+  for (const msg::RegistrationCandidate& one : message.candidates)
+    result.candidates.push_back(
+        {from_message_mm(one.transform, source), one.similarity, one.overlap});
+  std::map<std::string, double> measures;
+  for (const msg::Measure& measure : message.measures) measures[measure.name] = measure.value;
+  result.measures = measures_from(measures, source);
+  result.evaluations = static_cast<int>(message.evaluations);
+  result.version = message.version;
+  return result;
 }
 
 }  // namespace usct::ros_interface

@@ -50,10 +50,38 @@ TEST(ProbeMotion, IsTheLongestWayOfASample) {
   EXPECT_NEAR(probe_motion_mm(grid, T_us_then), 2.0 * std::sin(0.1) * 113.0, 1e-9);
 }
 
+/// All lines of a frame have its pose if the motor stops for each frame.
+TEST(ProbeMotion, OfAGeometryIsThatOfItsBeams) {
+  ScanGeometry geometry = sweep({-0.1, 0.0, 0.1});
+  std::get<MotorSweep>(geometry.motion).frame_travel_rad = 0.0;
+  std::vector<Isometry3d> T_us_then;
+  for (const double share : {0.3, 0.1, 0.0})
+    T_us_then.push_back(Eigen::Translation3d(20.0 * share, 3.0, -share) *
+                        Eigen::AngleAxisd(share, Vector3d(1, 2, 3).normalized()));
+  BeamGrid expected = beam_grid(geometry);
+  follow_probe(T_us_then, expected);
+  const ScanGeometry followed = follow_probe(T_us_then, geometry);
+  EXPECT_FALSE(followed.is_motorised());
+  // A tracked sweep is followed in the same way: back to where it was.
+  for (Isometry3d& T : T_us_then) T = T.inverse();
+  const BeamGrid found = beam_grid(followed);
+  const BeamGrid back = beam_grid(follow_probe(T_us_then, followed));
+  const BeamGrid original = beam_grid(geometry);
+  for (int frame = 0; frame < expected.frames; ++frame)
+    for (int line = 0; line < expected.lines; ++line)
+      for (const int sample : {0, 10}) {
+        EXPECT_LT((found.point(frame, line, sample) - expected.point(frame, line, sample)).norm(),
+                  1e-9);
+        EXPECT_LT((back.point(frame, line, sample) - original.point(frame, line, sample)).norm(),
+                  1e-9);
+      }
+}
+
 TEST(ProbeMotion, NeedsOnePosePerFrame) {
   BeamGrid grid = beam_grid(sweep({-0.1, 0.0, 0.1}));
   EXPECT_THROW(follow_probe({Isometry3d::Identity()}, grid), InputError);
   EXPECT_THROW(probe_motion_mm(grid, {}), InputError);
+  EXPECT_THROW(follow_probe({Isometry3d::Identity()}, sweep({-0.1, 0.0, 0.1})), InputError);
 }
 
 }  // namespace

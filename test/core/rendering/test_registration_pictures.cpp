@@ -5,6 +5,7 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/io/temporary_folder.h"
+#include "core/rendering/cube_grid.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 
@@ -20,14 +21,6 @@ constexpr int kPanelPx = 121;  // from the first voxel of the field to its last
 constexpr int kHeaderPx = 52;  // a line of text and the legend
 constexpr int kGapPx = 4;
 constexpr double kRadiusMm = 12.0;
-
-Grid cube(int size, double spacing_mm = 1.0) {
-  Grid grid;
-  grid.size.setConstant(size);
-  grid.spacing_mm.setConstant(spacing_mm);
-  grid.origin_mm.setConstant(-0.5 * spacing_mm * (size - 1));
-  return grid;
-}
 
 /// 100 HU per mm of depth below the surface of a ball about `centre_mm`: 0 HU is the surface.
 CtVolume ball(const Grid& grid, const Vector3d& centre_mm) {
@@ -262,7 +255,7 @@ TEST(RegistrationPictures, AreWrittenIntoANewFolder) {
                                   folder.path() / "refused", green_line());
   ASSERT_EQ(only.size(), 1U);
   const cv::Mat sheet = cv::imread(only[0].string());
-  EXPECT_EQ(sheet.rows, kHeaderPx + 24 + 2 * (kPanelPx + kGapPx));
+  EXPECT_EQ(sheet.rows, kHeaderPx + 2 * (kPanelPx + kGapPx));
 }
 
 TEST(RegistrationPictures, RefuseWhatIsNoInput) {

@@ -9,6 +9,7 @@
 #include <us_ct_registration/RegisterAction.h>
 #include <us_ct_registration/SetInitialAlignment.h>
 
+#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -39,6 +40,36 @@ bool eventually(Condition&& condition) {
   }
   return false;
 }
+
+/// The newest message of a topic.
+template <typename Message>
+class Newest {
+ public:
+  Newest(::ros::NodeHandle& node, const std::string& topic)
+      : subscriber_(
+            node.subscribe<Message>(topic, 10, [this](const typename Message::ConstPtr& message) {
+              const std::lock_guard<std::mutex> lock(mutex_);
+              newest_ = message;
+            })) {}
+
+  void shut_down() { subscriber_.shutdown(); }
+
+  /// The first message that fulfils the condition; an empty one, and a failure, if none does.
+  Message wait(const std::function<bool(const Message&)>& condition) const {
+    typename Message::ConstPtr found;
+    EXPECT_TRUE(eventually([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      found = newest_ && condition(*newest_) ? newest_ : nullptr;
+      return found != nullptr;
+    })) << subscriber_.getTopic();
+    return found ? *found : Message();
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  typename Message::ConstPtr newest_;
+  ::ros::Subscriber subscriber_;  // last: its callback uses the others
+};
 
 std_msgs::Header header(const std::string& frame, const ::ros::Time& stamp);
 

@@ -21,7 +21,7 @@ class TimeAndMotion : public testing::TestWithParam<const char*> {
   TimeAndMotion()
       : client_(GetParam()), tf_(client_.node.advertise<tf2_msgs::TFMessage>("/tf", 100)) {
     // All processes of the launch file that listen to tf are connected.
-    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 8; }));
+    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 12; }));
   }
 
   Result register_moving(double share, double drift_mm, const std::string& us_frame) {

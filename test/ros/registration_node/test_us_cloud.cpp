@@ -5,8 +5,6 @@
 #include <visualization_msgs/MarkerArray.h>
 
 #include <algorithm>
-#include <functional>
-#include <memory>
 
 #include "registration_client.h"
 
@@ -19,34 +17,6 @@ using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
 
 const Isometry3d kPatientUsAtCloud = test::rigid({-0.3, 0.2, 0.5}, {-80, 200, 700});
-
-/// The newest message of a topic.
-template <typename Message>
-class Newest {
- public:
-  Newest(::ros::NodeHandle& node, const std::string& topic)
-      : subscriber_(
-            node.subscribe<Message>(topic, 10, [this](const typename Message::ConstPtr& message) {
-              const std::lock_guard<std::mutex> lock(mutex_);
-              newest_ = message;
-            })) {}
-
-  /// The first message that fulfils the condition; an empty one, and a failure, if none does.
-  Message wait(const std::function<bool(const Message&)>& condition) const {
-    typename Message::ConstPtr found;
-    EXPECT_TRUE(eventually([&] {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      found = newest_ && condition(*newest_) ? newest_ : nullptr;
-      return found != nullptr;
-    })) << subscriber_.getTopic();
-    return found ? *found : Message();
-  }
-
- private:
-  mutable std::mutex mutex_;
-  typename Message::ConstPtr newest_;
-  ::ros::Subscriber subscriber_;  // last: its callback uses the others
-};
 
 struct Cloud {
   std::vector<Vector3d> points_mm;
@@ -89,7 +59,7 @@ class UsCloudNode : public testing::Test {
     for (const ::ros::Publisher* publisher : {&us_, &ct_, &surface_, &alignment_, &proposed_})
       EXPECT_TRUE(eventually([&] { return publisher->getNumSubscribers() == 1; }))
           << publisher->getTopic();
-    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 9; }));
+    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 13; }));
   }
 
   /// The cloud of a moving probe's sweep.

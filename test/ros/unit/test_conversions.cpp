@@ -193,6 +193,36 @@ TEST(Conversions, ConfidenceIsInMetresAndNotANumberWhereItIsNotKnown) {
   EXPECT_EQ(known.measures.size(), 3U);
 }
 
+TEST(Conversions, AResultComesBack) {
+  RegistrationResult result;
+  result.status = RegistrationStatus::kRegistered;
+  result.message = "it fits";
+  result.T_us_ct =
+      Eigen::Translation3d(1, 2, 3) * Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 2).normalized());
+  result.similarity = 0.7;
+  result.overlap = 0.9;
+  result.candidates = {{*result.T_us_ct, 0.7, 0.9}, {Eigen::Isometry3d::Identity(), 0.6, 0.8}};
+  result.measures.mirror_ratio = 1.5;
+  result.measures.expected_error_mm = 1.25;
+  const RegistrationResult back = registration_result_from(to_message(result), "result");
+  EXPECT_EQ(back.status, result.status);
+  EXPECT_EQ(back.message, result.message);
+  EXPECT_TRUE(back.T_us_ct->isApprox(*result.T_us_ct, 1e-12));
+  EXPECT_EQ(back.similarity, 0.7);
+  ASSERT_EQ(back.candidates.size(), 2U);
+  EXPECT_EQ(back.candidates[1].overlap, 0.8);
+  EXPECT_EQ(by_name(back.measures), by_name(result.measures));
+
+  result.status = RegistrationStatus::kLowConfidence;
+  result.T_us_ct.reset();
+  const RegistrationResult refused = registration_result_from(to_message(result), "result");
+  EXPECT_EQ(refused.status, RegistrationStatus::kLowConfidence);
+  EXPECT_FALSE(refused.T_us_ct);
+  msg::RegistrationResult no_ct;
+  no_ct.status.code = msg::StatusCode::NO_CT;
+  EXPECT_EQ(registration_result_from(no_ct, "result").status, RegistrationStatus::kFailed);
+}
+
 TEST(Conversions, ARefusedResultHasNoTransform) {
   RegistrationResult result;
   result.status = RegistrationStatus::kLowConfidence;

@@ -82,6 +82,15 @@ TEST_F(DataRootTest, LinksThatLeadOutAreRefused) {
     EXPECT_THAT(refusal_of(given), HasSubstr("must lie below the data root"));
 }
 
+TEST_F(DataRootTest, NewFilesLieBelowItAsWell) {
+  EXPECT_EQ(root().resolve_new("new.png", "path"), root_ / "new.png");
+  EXPECT_EQ(root().resolve_new("ct.nrrd", "path"), root_ / "ct.nrrd");
+  EXPECT_EQ(root().resolve_new("case/../missing/new.png", "path"), root_ / "missing" / "new.png");
+  fs::create_directory_symlink(outside_, root_ / "folder");
+  for (const char* given : {"../new.png", "/tmp/new.png", "folder/new.png", "missing/../../x.png"})
+    EXPECT_THROW(root().resolve_new(given, "path"), PathRefused) << given;
+}
+
 TEST_F(DataRootTest, LinksInAFolderOrBesideAFileOfSeveralAreRefused) {
   fs::create_symlink(outside_ / "secret.nrrd", root_ / "case" / "slice_2.dcm");
   std::ofstream(root_ / "case" / "alone.nrrd") << "x";

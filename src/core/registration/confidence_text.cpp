@@ -1,8 +1,8 @@
-#include "confidence_text.h"
+#include "us_ct_registration/registration/confidence_text.h"
 
 #include "us_ct_registration/formatted.h"
 
-namespace usct::tools {
+namespace usct {
 namespace {
 
 /// Evidence above this is strong; below one half it speaks against the pose.
@@ -21,7 +21,19 @@ std::string line(const char* kind, double probability, const std::string& measur
          "\n" + (probability < kStrong ? std::string("    what would help: ") + help + "\n" : "");
 }
 
-std::string evidence(const Measures& m) {
+std::string expected_error(const Measures& m) {
+  if (!m.expected_error_mm) return "expected error: not known\n";
+  std::string words =
+      formatted("expected error in the middle of the field: %.2f mm", *m.expected_error_mm);
+  if (m.error_bound_mm)
+    words +=
+        formatted("; below %.2f mm in 90 of 100 registrations that are right", *m.error_bound_mm);
+  return words + "\n";
+}
+
+}  // namespace
+
+std::string evidence_text(const Measures& m) {
   const std::optional<RightProbability> right = right_probability(m);
   if (!right) return "evidence: none, the ultrasound has too few samples that count\n";
   return "evidence, and the probability that the pose is right as far as each kind can tell:\n" +
@@ -49,18 +61,6 @@ std::string evidence(const Measures& m) {
               "hold and with little pressure");
 }
 
-std::string expected_error(const Measures& m) {
-  if (!m.expected_error_mm) return "expected error: not known\n";
-  std::string words =
-      formatted("expected error in the middle of the field: %.2f mm", *m.expected_error_mm);
-  if (m.error_bound_mm)
-    words +=
-        formatted("; below %.2f mm in 90 of 100 registrations that are right", *m.error_bound_mm);
-  return words + "\n";
-}
-
-}  // namespace
-
 std::string confidence_text(const RegistrationResult& result) {
   if (result.candidates.empty()) return "";
   const Measures& m = result.measures;
@@ -68,7 +68,7 @@ std::string confidence_text(const RegistrationResult& result) {
       m.wrong_probability ? formatted("probability that the pose is more than 5 mm off: %.3f\n",
                                       *m.wrong_probability)
                           : "probability that the pose is more than 5 mm off: not known\n";
-  return probability + (result.T_us_ct ? expected_error(m) : evidence(m));
+  return probability + (result.T_us_ct ? expected_error(m) : evidence_text(m));
 }
 
-}  // namespace usct::tools
+}  // namespace usct
