@@ -19,8 +19,8 @@ QUIET_S = 5.0
 TUMOUR = 2  # in segmentation.nrrd
 GREEN, BAND = numpy.array([0, 255, 0]), numpy.array([255, 220, 0])
 BAND_OPACITY = 0.5
-# Of a pixel to its neighbour: a true outline this near to the band's edge is within the band.
-PIXEL = 1.5
+# px: a true outline this near to the band lies within it; the drawn outline parts the band in two.
+TOUCHING_PX = 1.5
 
 
 class Camera:
@@ -103,7 +103,7 @@ def regions(drawn, raw):
     tumour = without_text(near(drawn, GREEN) | within)
     blended = (1 - BAND_OPACITY) * raw + BAND_OPACITY * BAND
     outside = near(drawn, blended, 4) & (numpy.abs(drawn.astype(int) - raw).max(axis=2) > 4)
-    return tumour, without_text(within | outside | near(drawn, GREEN))
+    return tumour, without_text(within | outside)
 
 
 class Case:
@@ -141,7 +141,7 @@ class Case:
         apart = numpy.concatenate((nearest(drawn_outline, true_outline), nearest(true_outline, drawn_outline)))
         measured = centre(tumour) - centre(truth)
         y, x = numpy.nonzero(band)
-        covered = nearest(true_outline, numpy.column_stack((x, y)).astype(float)) <= PIXEL if len(x) else \
+        covered = nearest(true_outline, numpy.column_stack((x, y)).astype(float)) <= TOUCHING_PX if len(x) else \
             numpy.zeros(len(true_outline), bool)
         return {"in_view": True, "mm_per_px": mm_per_px, "outline_px": apart.mean(),
                 "outline_worst_px": apart.max(), "displacement_px": numpy.linalg.norm(measured),

@@ -35,8 +35,9 @@ def start(system):
     """The nodes, and beside them the overlay that is measured."""
     system.start_master()
     system.start_nodes(*system.acquisition.launch_arguments())
-    system.start("overlay", "roslaunch", test_replay.PACKAGE, "overlay_error.launch")
     system.client("ready")
+    # Not before: of two launches at once, one would not find the run id of the other.
+    system.start("overlay", "roslaunch", test_replay.PACKAGE, "overlay_error.launch")
 
 
 def register(system):

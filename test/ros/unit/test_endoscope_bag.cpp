@@ -60,9 +60,11 @@ TEST(EndoscopeBag, TfLeadsFromTheCamerasToTheCtAsTheTruthSays) {
   const rosbag::Bag bag(path.string());
   tf2::BufferCore tf{::ros::Duration(1000.0)};
   for (const auto& message :
-       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{"/tf", "/tf_static"})))
-    for (const auto& transform : message.instantiate<tf2_msgs::TFMessage>()->transforms)
+       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{"/tf", "/tf_static"}))) {
+    const tf2_msgs::TFMessage::ConstPtr transforms = message.instantiate<tf2_msgs::TFMessage>();
+    for (const auto& transform : transforms->transforms)
       tf.setTransform(transform, "bag", message.getTopic() == "/tf_static");
+  }
   for (std::size_t i = 0; i < video.frames.size(); ++i) {
     const ::ros::Time stamp = first + ::ros::Duration(video.frames[i].time_s);
     const auto T_fixed = [&](const char* frame) {
