@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "commands.h"
+#include "endoscope_files.h"
 #include "exit_status.h"
 #include "inputs.h"
 #include "progress_bar.h"
@@ -29,6 +30,9 @@ struct PhantomCommand {
   std::vector<int> ct_size;
   std::vector<double> ct_spacing_mm;
   std::vector<double> ct_oblique_deg;
+  bool with_endoscope = false;
+  phantom::EndoscopeOptions endoscope;
+  std::vector<int> endoscope_size;
   bool no_tumour = false;
   bool no_cyst = false;
   bool no_stone = false;
@@ -65,6 +69,10 @@ void complete(PhantomCommand& command) {
     knobs.sweep.lines = command.us_size[1];
     knobs.sweep.frames = command.us_size[2];
   }
+  if (!command.endoscope_size.empty()) {
+    command.endoscope.width = command.endoscope_size[0];
+    command.endoscope.height = command.endoscope_size[1];
+  }
   copy_three(command.ct_size, knobs.ct.size);
   copy_three(command.ct_spacing_mm, knobs.ct.spacing_mm);
   copy_three(command.ct_oblique_deg, knobs.ct.oblique_deg);
@@ -95,8 +103,13 @@ int run_phantom(PhantomCommand command) {
   const std::string extension = "." + command.ct_format;
   command.knobs.validate();
   phantom::require_phantom_folder(command.output, extension);
-  phantom::write_phantom(make(command, progress_bar("phantom", command.quiet)), command.output,
-                         extension);
+  std::optional<phantom::Endoscope> endoscope;
+  if (command.with_endoscope) endoscope.emplace(command.knobs, command.endoscope);
+  const phantom::PhantomCase made = make(command, progress_bar("phantom", command.quiet));
+  phantom::write_phantom(made, command.output, extension, [&](const std::filesystem::path& folder) {
+    if (endoscope)
+      write_endoscope(*endoscope, folder / "endoscope", progress_bar("endoscope", command.quiet));
+  });
   std::printf("%s\n", command.output.c_str());
   return kDone;
 }
@@ -226,6 +239,30 @@ void add_ultrasound_knobs(CLI::App& app, PhantomCommand& command) {
        "shadows by refraction below edges that the beam grazes: 0 none, 1 as at cysts");
 }
 
+void add_endoscope_knobs(CLI::App& app, PhantomCommand& command) {
+  CLI::App* group = app.add_option_group("Endoscope");
+  phantom::EndoscopeOptions& o = command.endoscope;
+  group->add_flag("--endoscope", command.with_endoscope,
+                  "also renders the video of a stereo endoscope that looks at the tumour, into the "
+                  "folder endoscope; scene patient");
+  const auto knob = [&](const std::string& name, auto& value, const std::string& help) {
+    group->add_option("--endoscope-" + name, value, help)->capture_default_str();
+  };
+  group->add_option("--endoscope-size", command.endoscope_size, "width and height, px [960 540]")
+      ->expected(2);
+  knob("fov", o.field_of_view_deg, "horizontal field of view without distortion, degrees");
+  group->add_option("--endoscope-distortion", o.distortion, "k1, k2, p1, p2, k3 of plumb_bob")
+      ->capture_default_str();
+  knob("baseline", o.baseline_mm, "between the cameras, mm");
+  knob("frames", o.frames, "of each camera");
+  knob("rate", o.rate_hz, "frames per s");
+  knob("motion", o.camera_motion_mm, "by which the camera moves to either side, mm");
+  knob("breathing-mm", o.breathing_mm, "peak-to-peak motion of the anatomy during the video, mm");
+  knob("breathing-period-s", o.breathing_period_s, "duration of a breath, s");
+  knob("instruments", o.instruments, "0, 1 or 2 that hide parts of the view");
+  knob("noise", o.noise, "standard deviation, grey levels");
+}
+
 }  // namespace
 
 void add_phantom_command(CLI::App& app, Run& run) {
@@ -259,6 +296,7 @@ void add_phantom_command(CLI::App& app, Run& run) {
   add_sweep_knobs(*sub, *command);
   add_ultrasound_knobs(*sub, *command);
   add_from_ct_options(*sub, *command);
+  add_endoscope_knobs(*sub, *command);
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
   sub->callback([command, &run] { run = [command] { return run_phantom(*command); }; });
 }

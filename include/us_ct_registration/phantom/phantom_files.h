@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 
 #include "us_ct_registration/phantom/phantom.h"
@@ -23,8 +24,10 @@ void require_phantom_folder(const std::filesystem::path& folder, const std::stri
 /// | `fiducials.csv`, `fiducials_ct.csv` | steel balls, where the scene has some |
 /// | `phantom.json` | version, seed, options, truth, true geometry |
 ///
-/// Throws InputError as `require_phantom_folder` does.
+/// `write_more`, if set, adds files of the caller to the folder before it appears. Throws
+/// InputError as `require_phantom_folder` does.
 void write_phantom(const PhantomCase& phantom, const std::filesystem::path& folder,
-                   const std::string& ct_extension);
+                   const std::string& ct_extension,
+                   const std::function<void(const std::filesystem::path&)>& write_more = {});
 
 }  // namespace usct::phantom

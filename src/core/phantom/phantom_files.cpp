@@ -64,7 +64,8 @@ void require_phantom_folder(const fs::path& folder, const std::string& ct_extens
 }
 
 void write_phantom(const PhantomCase& phantom, const fs::path& folder,
-                   const std::string& ct_extension) {
+                   const std::string& ct_extension,
+                   const std::function<void(const fs::path&)>& write_more) {
   require_phantom_folder(folder, ct_extension);
   const fs::path target = without_trailing_slash(folder);
   const fs::path temporary =
@@ -74,6 +75,7 @@ void write_phantom(const PhantomCase& phantom, const fs::path& folder,
     throw InputError(folder.string(), "cannot be created: " + error.message());
   try {
     write_files(phantom, temporary, ct_extension);
+    if (write_more) write_more(temporary);
     fs::rename(temporary, target);
   } catch (...) {
     fs::remove_all(temporary, error);

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/bags/endoscope_video.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -44,6 +45,9 @@ struct BagOptions {
   /// Tracked sweeps: the frame that moves with the array.
   std::string array_frame = "us_array";
   std::string ct_frame = "ct";
+  /// Time from the last frame of the last sweep to the first image of the endoscope; >= 1.
+  double endoscope_delay_s = 10.0;
+  EndoscopeFrames endoscope_frames;
 
   /// Throws InputError that names the option, its value and the constraint.
   void validate() const;
@@ -56,9 +60,11 @@ struct BagCt {
 };
 
 /// Writes a bag, atomically. Throws InputError for invalid volumes or options, for acquisitions of
-/// which only some have a T_fixed_us, and for a folder that cannot be written to.
+/// which only some have a T_fixed_us, for an endoscope without T_fixed_us and T_us_ct of the last
+/// acquisition, where the anatomy that it saw was, and for a folder that cannot be written to.
 void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,
-                           const BagOptions& options, const std::filesystem::path& path);
+                           const BagOptions& options, const std::filesystem::path& path,
+                           const std::optional<EndoscopeVideo>& endoscope = {});
 
 /// Callbacks for the sweeps and CTs of a bag, in the order of recording; `us` and `ct` may be
 /// empty.

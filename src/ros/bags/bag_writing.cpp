@@ -23,6 +23,8 @@ using Eigen::Isometry3d;
 using ::ros::Duration;
 using ::ros::Time;
 
+constexpr double kCalibrationBeforeVideoS = 0.5;
+
 geometry_msgs::TransformStamped stamped(const Time& stamp, const Isometry3d& T_parent_child,
                                         const std::string& parent, const std::string& child) {
   geometry_msgs::TransformStamped transform;
@@ -87,17 +89,26 @@ bool is_static(const std::vector<Sweep>& sweeps, double retract_mm) {
          });
 }
 
-/// Records the transform from fixed frame to US frame. The US frame of a tracked probe does not
-/// move with the probe.
+/// Transforms that hold for the whole bag.
+using Statics = std::vector<geometry_msgs::TransformStamped>;
+
+/// All in one message: of several latched ones a late subscriber would get the last alone.
+void record_statics(const Statics& statics, const Time& time, Recording& recording) {
+  if (statics.empty()) return;
+  tf2_msgs::TFMessage message;
+  message.transforms = statics;
+  recording.add_latched("/tf_static", time, message);
+}
+
+/// Records the transform from fixed frame to US frame, or adds it to `statics`. The US frame of a
+/// tracked probe does not move with the probe.
 void record_us_frame(const std::vector<Sweep>& sweeps, const BagOptions& options, const Time& begin,
-                     Recording& recording) {
+                     Recording& recording, Statics& statics) {
   const bool motorised = sweeps.front().acquisition->us.geometry.is_motorised();
   const double retract_mm = motorised ? options.retract_mm : 0.0;
   if (is_static(sweeps, retract_mm)) {
-    tf2_msgs::TFMessage message;
-    message.transforms = {stamped(begin, *sweeps.front().acquisition->T_fixed_us,
-                                  options.fixed_frame, options.us_frame)};
-    recording.add_latched("/tf_static", begin, message);
+    statics.push_back(stamped(begin, *sweeps.front().acquisition->T_fixed_us, options.fixed_frame,
+                              options.us_frame));
     return;
   }
   std::vector<std::vector<StampedPose>> stays;
@@ -151,6 +162,24 @@ void record_ct(const BagCt& ct, const BagOptions& options, const Time& begin,
   }
 }
 
+/// Records the video, with the anatomy where the last sweep found it. The calibrations are recorded
+/// again before it, for a player that starts there.
+void record_video(const EndoscopeVideo& video, const Sweep& sweep, const BagOptions& options,
+                  const Time& begin, Recording& recording, Statics& statics) {
+  const BagAcquisition& acquisition = *sweep.acquisition;
+  if (!acquisition.T_fixed_us || !acquisition.T_us_ct)
+    throw InputError("bag",
+                     "an endoscope is given without the pose of the ultrasound in the fixed frame "
+                     "or without the truth, which say where the camera was");
+  for (const auto& calibration :
+       endoscope_calibration(video, options.fixed_frame, options.endoscope_frames, begin))
+    statics.push_back(calibration);
+  const Time first = sweep.last() + Duration(options.endoscope_delay_s);
+  record_statics(statics, first - Duration(kCalibrationBeforeVideoS), recording);
+  record_endoscope(video, *acquisition.T_fixed_us * *acquisition.T_us_ct, options.endoscope_frames,
+                   first, recording);
+}
+
 void validate_together(const std::vector<BagAcquisition>& acquisitions, const BagOptions& options) {
   if (acquisitions.empty()) throw InputError("bag", "no ultrasound is given, must be one at least");
   const BagAcquisition& first = acquisitions.front();
@@ -184,6 +213,8 @@ void BagOptions::validate() const {
           "> 0");
   require(std::isfinite(pause_s) && pause_s >= 3.0, "pause_s", pause_s, ">= 3");
   require(std::isfinite(retract_mm) && retract_mm >= 0.0, "retract_mm", retract_mm, ">= 0");
+  require(std::isfinite(endoscope_delay_s) && endoscope_delay_s >= 1.0, "endoscope_delay_s",
+          endoscope_delay_s, ">= 1");
   require_frame("fixed_frame", fixed_frame);
   require_frame("us_frame", us_frame);
   require_frame("array_frame", array_frame);
@@ -191,7 +222,8 @@ void BagOptions::validate() const {
 }
 
 void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,
-                           const BagOptions& options, const std::filesystem::path& path) {
+                           const BagOptions& options, const std::filesystem::path& path,
+                           const std::optional<EndoscopeVideo>& endoscope) {
   options.validate();
   validate_together(acquisitions, options);
   std::vector<Sweep> sweeps = sweeps_of(acquisitions, options);
@@ -202,7 +234,10 @@ void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, cons
     record_truth(sweep,
                  &sweep == &sweeps.front() ? begin : sweep.first() - Duration(options.pause_s / 2),
                  options, recording);
-  if (acquisitions.front().T_fixed_us) record_us_frame(sweeps, options, begin, recording);
+  Statics statics;
+  if (acquisitions.front().T_fixed_us) record_us_frame(sweeps, options, begin, recording, statics);
+  if (endoscope) record_video(*endoscope, sweeps.back(), options, begin, recording, statics);
+  record_statics(statics, begin, recording);
   if (options.poses_in_tf) move_poses_to_tf(sweeps, options, recording);
   for (const Sweep& sweep : sweeps)
     for (const msg::PreScanFrame& frame : sweep.frames)

@@ -9,6 +9,8 @@
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
 #include "tools/program.h"
+#include "tools/ros/bag_video.h"
+#include "tools/ros/read_endoscope.h"
 #include "tools/ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -34,6 +36,7 @@ struct BagWriteCommand {
   DicomReadOptions dicom;
   double start_s = 0.0;
   std::string poses = "messages";
+  std::string endoscope;
   BagOptions bag;
   std::string output;
 };
@@ -85,7 +88,10 @@ int run_write(BagWriteCommand command) {
   BagCt ct;
   if (!command.ct.empty()) ct.volume = read_ct_with_warnings(command.ct, command.dicom);
   ct.path = command.ct_path;
-  ros_interface::write_acquisition_bag(read_acquisitions(command), ct, command.bag, command.output);
+  std::optional<ros_interface::EndoscopeVideo> endoscope;
+  if (!command.endoscope.empty()) endoscope = read_endoscope(command.endoscope);
+  ros_interface::write_acquisition_bag(read_acquisitions(command), ct, command.bag, command.output,
+                                       endoscope);
   std::printf("%s\n", command.output.c_str());
   return kDone;
 }
@@ -228,6 +234,12 @@ void add_write(CLI::App& bag, Run& run) {
   sub->add_option("--ct-path", command->ct_path,
                   "text on ct/path, for people and scripts: where the CT is; no node opens it")
       ->excludes(ct);
+  sub->add_option("--endoscope", command->endoscope,
+                  "folder of a rendered video (usct phantom --endoscope): images, camera_info, tf "
+                  "of the robot that holds the camera; needs --fixed-pose and --truth");
+  sub->add_option("--endoscope-delay", options.endoscope_delay_s,
+                  "from the end of the last sweep to the video, s")
+      ->capture_default_str();
   add_dicom_options(*sub, command->dicom);
   command->ultrasound.add_to(*sub);
   sub->callback([command, &run] { run = [command] { return run_write(*command); }; });
@@ -269,5 +281,6 @@ int main(int argc, char** argv) {
   add_write(app, run);
   add_read(app, run);
   add_info(app, run);
+  add_video_command(app, run);
   return run_program(app, run, argc, argv);
 }
