@@ -4,9 +4,10 @@
 #include <boost/make_shared.hpp>
 #include <utility>
 
-#include "ros/conversions/clouds.h"
 #include "ros/conversions/ct.h"
+#include "ros/conversions/point_clouds.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -78,6 +79,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   volume_publisher_ = node_.advertise<msg::CtVolume>("ct/volume", 1, true);
   surface_publisher_ = node_.advertise<visualization_msgs::MarkerArray>("ct/surface", 1, true);
   points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/surface_points", 1, true);
+  mesh_publisher_ = node_.advertise<pcl_msgs::PolygonMesh>("ct/mesh", 1, true);
   load_server_ = node_.advertiseService("ct/load", &CtServer::on_load, this);
   roi_server_ = node_.advertiseService("ct/roi", &CtServer::on_roi, this);
   get_server_ = node_.advertiseService("ct/get_volume", &CtServer::on_get, this);
@@ -213,6 +215,7 @@ void CtServer::hold(const Loaded& loaded) {
   surface_publisher_.publish(
       to_markers(loaded.surfaces, loaded.has_labels ? label_table_ : no_labels, ct_frame_));
   points_publisher_.publish(to_points(loaded.surfaces, ct_frame_));
+  mesh_publisher_.publish(to_mesh(loaded.surfaces, ct_frame_));
 }
 
 bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {
