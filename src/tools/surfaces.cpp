@@ -61,9 +61,17 @@ void write_labels(const SurfacesCommand& command) {
   const auto surfaces =
       label_surfaces(read_volume<std::uint16_t>(command.labels), command.triangles);
   if (surfaces.empty()) throw InputError(command.labels, "has no voxel with a label");
-  for (const auto& [label, surface] : surfaces)
+  for (const auto& [label, surface] : surfaces) {
+    if (surface.triangles.empty()) {
+      std::fprintf(stderr,
+                   "usct: warning: label %d is too thin for a surface of %zu triangles; more "
+                   "--triangles may keep it\n",
+                   label, command.triangles);
+      continue;
+    }
     write(surface, label_text(label, table), label_colour(label, table),
           file_of_label(command.output, label, table));
+  }
 }
 
 void write_ct(const SurfacesCommand& command) {

@@ -5,10 +5,10 @@
 #include <vtkPLYWriter.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
-#include <vtkSTLWriter.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <string_view>
 
@@ -39,8 +39,7 @@ std::string in_one_line(std::string text) {
   return text;
 }
 
-/// VTK does not notice a full disk while it writes a PLY file: the length of
-/// the file tells.
+/// VTK does not notice a full disk while it writes a PLY file: the length of the file tells.
 bool is_whole_ply(const std::filesystem::path& path, vtkPolyData& mesh, std::size_t point_bytes) {
   // A name may hold the word, but not on a line of its own.
   constexpr std::string_view kEnd = "\nend_header\n";
@@ -77,16 +76,32 @@ void write_ply(vtkPolyData& mesh, const std::string& name, const std::optional<C
   });
 }
 
-void write_stl(vtkPolyData& mesh, const std::string& name, const std::filesystem::path& path) {
-  write_atomically(path, [&](const std::filesystem::path& temporary) {
-    const vtkNew<vtkSTLWriter> writer;
-    writer->SetInputData(&mesh);
-    writer->SetFileTypeToBinary();
-    writer->SetHeader(("SPACE=LPS unit=mm " + in_one_line(name)).substr(0, 79).c_str());
-    writer->SetFileName(temporary.c_str());
-    if (writer->Write() == 0 || writer->GetErrorCode() != 0)
-      throw std::runtime_error(path.string() + ": VTK could not write the STL file");
-  });
+void append(const Eigen::Vector3d& vector, io::Bytes& bytes) {
+  for (const double value : vector) {
+    const auto number = static_cast<float>(value);
+    std::int32_t bits = 0;
+    std::memcpy(&bits, &number, sizeof(bits));
+    io::append_int32_le(bytes, bits);
+  }
+}
+
+/// Binary STL: 80 bytes of header, the number of triangles, and 50 bytes for each. vtkSTLWriter
+/// would load VTK's rendering and codecs of images at every start of usct.
+void write_stl(const Surface& surface, const std::string& name, const std::filesystem::path& path) {
+  std::string header = "SPACE=LPS unit=mm " + in_one_line(name);
+  header.resize(80, '\0');
+  io::Bytes bytes(header.begin(), header.end());
+  io::append_int32_le(bytes, static_cast<std::int32_t>(surface.triangles.size()));
+  for (const auto& triangle : surface.triangles) {
+    const Eigen::Vector3d& a = surface.points_mm[triangle[0]];
+    const Eigen::Vector3d& b = surface.points_mm[triangle[1]];
+    const Eigen::Vector3d& c = surface.points_mm[triangle[2]];
+    for (const Eigen::Vector3d& vector :
+         {Eigen::Vector3d((b - a).cross(c - a).normalized()), a, b, c})
+      append(vector, bytes);
+    bytes.insert(bytes.end(), 2, 0);
+  }
+  io::write_bytes(path, bytes);
 }
 
 }  // namespace
@@ -105,7 +120,7 @@ void write_surface(const Surface& surface, const std::string& name,
   if (path.extension() == ".ply")
     write_ply(*mesh_of(surface), name, colour, path);
   else
-    write_stl(*mesh_of(surface), name, path);
+    write_stl(surface, name, path);
 }
 
 }  // namespace usct
