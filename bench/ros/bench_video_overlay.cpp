@@ -2,7 +2,7 @@
 
 #include "finish.h"
 #include "overlay_scene.h"
-#include "ros/conversions/clouds.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/overlay/overlay_painter.h"
 
 namespace usct::ros_interface {

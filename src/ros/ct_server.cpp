@@ -4,9 +4,10 @@
 #include <boost/make_shared.hpp>
 #include <utility>
 
-#include "ros/conversions/clouds.h"
 #include "ros/conversions/ct.h"
+#include "ros/conversions/point_clouds.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -63,7 +64,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   const std::string label_table = parameters.text("label_table", "");
   surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
   surface_triangles_ =
-      static_cast<std::size_t>(parameters.whole("surface_triangles", 50000, 1000, 2000000));
+      static_cast<std::size_t>(parameters.whole("surface_triangles", 20000, 1000, 2000000));
   read_selection(parameters, private_node);
   const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
@@ -78,6 +79,7 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   volume_publisher_ = node_.advertise<msg::CtVolume>("ct/volume", 1, true);
   surface_publisher_ = node_.advertise<visualization_msgs::MarkerArray>("ct/surface", 1, true);
   points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/surface_points", 1, true);
+  mesh_publisher_ = node_.advertise<pcl_msgs::PolygonMesh>("ct/mesh", 1, true);
   load_server_ = node_.advertiseService("ct/load", &CtServer::on_load, this);
   roi_server_ = node_.advertiseService("ct/roi", &CtServer::on_roi, this);
   get_server_ = node_.advertiseService("ct/get_volume", &CtServer::on_get, this);
@@ -213,6 +215,7 @@ void CtServer::hold(const Loaded& loaded) {
   surface_publisher_.publish(
       to_markers(loaded.surfaces, loaded.has_labels ? label_table_ : no_labels, ct_frame_));
   points_publisher_.publish(to_points(loaded.surfaces, ct_frame_));
+  mesh_publisher_.publish(to_mesh(loaded.surfaces, ct_frame_));
 }
 
 bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {

@@ -76,6 +76,7 @@ class CtServer {
   ::ros::Publisher info_publisher_;
   ::ros::Publisher surface_publisher_;
   ::ros::Publisher points_publisher_;
+  ::ros::Publisher mesh_publisher_;
   ::ros::ServiceServer load_server_;
   ::ros::ServiceServer roi_server_;
   ::ros::ServiceServer get_server_;

@@ -1,9 +1,10 @@
 #include "ros/us_cloud.h"
 
 #include "ros/conversions/alignment.h"
-#include "ros/conversions/clouds.h"
 #include "ros/conversions/ct.h"
+#include "ros/conversions/point_clouds.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/fixed_frame.h"

@@ -14,6 +14,7 @@ void add_info_command(CLI::App& app, Run& run);
 void add_convert_command(CLI::App& app, Run& run);
 void add_slices_command(CLI::App& app, Run& run);
 void add_overlay_command(CLI::App& app, Run& run);
+void add_surfaces_command(CLI::App& app, Run& run);
 void add_calibrate_motor_command(CLI::App& app, Run& run);
 void add_lag_command(CLI::App& app, Run& run);
 void add_phantom_command(CLI::App& app, Run& run);

@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
   add_convert_command(app, run);
   add_slices_command(app, run);
   add_overlay_command(app, run);
+  add_surfaces_command(app, run);
   add_calibrate_motor_command(app, run);
   add_lag_command(app, run);
   add_phantom_command(app, run);

@@ -182,7 +182,7 @@ class CtServer(unittest.TestCase):
         self.assertEqual((info.lowest, info.highest), (HOUNSFIELD.min(), HOUNSFIELD.max()))
         markers = Newest(self.namespace + "/ct/surface", MarkerArray).wait(lambda m: True, "the surface")
         self.check_ball(markers)
-        self.check_points()
+        self.check_mesh(self.check_points())
 
     def check_ball(self, array):
         """The label's surface lies within a voxel's half diagonal of the ball that was labelled."""
@@ -210,6 +210,20 @@ class CtServer(unittest.TestCase):
         place_mm = 1000 * numpy.stack([points[a] for a in "xyz"], 1)
         radius_mm = numpy.linalg.norm(place_mm - CENTRE_MM, axis=1)
         self.assertLess(numpy.abs(radius_mm - BALL_MM).max(), numpy.linalg.norm(SPACING_MM) / 2)
+        return cloud
+
+    def check_mesh(self, cloud):
+        """The cloud is in the mesh, before 16 bytes per triangle: three corners and their number."""
+        mesh = Newest(self.namespace + "/ct/mesh", rospy.AnyMsg).wait(lambda m: True, "the mesh")
+        self.assertEqual(mesh._connection_header["type"], "pcl_msgs/PolygonMesh")
+        points = io.BytesIO()
+        cloud.serialize(points)
+        # The number of a message in its own sequence comes first.
+        rest = mesh._buff.split(points.getvalue()[4:])[1]
+        corners = numpy.frombuffer(rest[4:], "<u4").reshape(-1, 4)
+        self.assertEqual(len(corners), numpy.frombuffer(rest[:4], "<u4")[0])
+        self.assertEqual(set(corners[:, 0]), {3})
+        self.assertEqual(set(corners[:, 1:].ravel()), set(range(cloud.width)))
 
     def test_load(self):
         self.check_load()
@@ -391,7 +405,7 @@ class CtServer(unittest.TestCase):
             return rospy.Subscriber(topic, kind, take)
         mine = [(self.namespace + "/ct/" + name, kind)
                 for name, kind in (("volume", CtVolume), ("info", CtInfo), ("surface", MarkerArray),
-                                   ("surface_points", PointCloud2))]
+                                   ("surface_points", PointCloud2), ("mesh", rospy.AnyMsg))]
         topics = [listen(topic, kind)
                   for topic, kind in mine + [("/rosout", Log), ("/diagnostics", DiagnosticArray)]]
         with open(f"{self.root}/dicom/{PATIENT[0]}_3.dcm", "rb") as stream:

@@ -19,13 +19,15 @@ struct Surface {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-/// The surface of each label that has voxels, by label, from marching cubes. A label with more than
-/// `most_triangles` at full resolution is smoothed and sampled more coarsely until it has no more;
-/// structures thinner than the coarser grid are then lost. Throws InputError if `most_triangles` is
-/// < 1000.
+/// The surface of each label that has voxels, by label: flying edges (marching cubes), smoothed
+/// against the steps between voxels, and decimated to at most `most_triangles` by quadric error. A
+/// label with many more triangles is meshed on a coarser, smoothed grid first; structures thinner
+/// than that grid are then lost. Smoothing shrinks structures of less than about five voxels
+/// across. Throws InputError if `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
 
-/// The surface of the voxels of the CT above `hu`, coarsened in the same way.
+/// The surface of the voxels of the CT above `hu`, made in the same way, but smoothed only if it is
+/// decimated.
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles);
 
 }  // namespace usct

@@ -1,27 +1,22 @@
 #include "us_ct_registration/rendering/surface.h"
 
-#include <itkBinaryMask3DMeshSource.h>
-#include <itkImage.h>
-#include <itkMesh.h>
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 
+#include "rendering/iso_mesh.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct {
 namespace {
 
-using Mask = itk::Image<unsigned char, 3>;
-using Mesh = itk::Mesh<float, 3>;
-
-/// ITK's surface of a mask has its points half way between voxels: per area of a voxel's face it
-/// has about this many triangles (measured on spheres).
-constexpr double kTrianglesPerVoxelFace = 4.2;
-/// Ratio of the area of a mask's faces to that of the smooth surface (of a sphere).
-constexpr double kFacesPerArea = 1.5;
+/// Triangles of flying edges per area of a voxel's face between inside and outside (measured on
+/// spheres).
+constexpr double kTrianglesPerVoxelFace = 2.0;
+/// Decimation is slow, about 10 us per triangle that it removes, and more accurate than a coarser
+/// grid. A grid whose mesh has about this many times the wanted triangles is a compromise.
+constexpr double kMeshedPerKept = 2.0;
 constexpr std::size_t kLeastTriangles = 1000;
 
 /// A field and its iso-value at the surface; outside the field the value is `outside`.
@@ -33,6 +28,7 @@ struct Field {
   int label;
   float iso;
   float outside;
+  Smoothing smoothing;
 
   float at(int i, int j, int k) const { return value(volume.at(i, j, k), label); }
   bool is_inside(int i, int j, int k) const { return at(i, j, k) >= iso; }
@@ -86,87 +82,6 @@ Volume<float> sampled(const Field<T>& field, const Eigen::Vector3i& factors) {
   return shrink(fine, factors, whole(padded));
 }
 
-Mesh::Pointer surface_of_mask(const Volume<float>& field, float iso) {
-  const auto mask = Mask::New();
-  Mask::SizeType size;
-  for (unsigned axis = 0; axis < 3; ++axis)
-    size[axis] = static_cast<itk::SizeValueType>(field.grid.size[static_cast<int>(axis)]);
-  mask->SetRegions(size);
-  mask->Allocate();
-  std::transform(field.voxels.begin(), field.voxels.end(), mask->GetBufferPointer(),
-                 [iso](float value) { return value >= iso ? 1 : 0; });
-  const auto filter = itk::BinaryMask3DMeshSource<Mask, Mesh>::New();
-  filter->SetInput(mask);
-  filter->SetObjectValue(1);
-  filter->Update();
-  return filter->GetOutput();
-}
-
-/// Value and gradient of the trilinear interpolation; `index` has a neighbour on each side.
-struct Local {
-  double value = 0.0;
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-};
-
-Local interpolated(const Volume<float>& field, const Eigen::Vector3d& index) {
-  const Eigen::Vector3i most = field.grid.size - Eigen::Vector3i::Constant(2);
-  Eigen::Vector3i base;
-  for (int axis = 0; axis < 3; ++axis)
-    base[axis] = std::clamp(static_cast<int>(std::floor(index[axis])), 0, most[axis]);
-  const Eigen::Vector3d t = index - base.cast<double>();
-  Local local;
-  for (int corner = 0; corner < 8; ++corner) {
-    const Eigen::Vector3i d(corner & 1, (corner >> 1) & 1, corner >> 2);
-    Eigen::Vector3d weight;
-    for (int axis = 0; axis < 3; ++axis) weight[axis] = d[axis] == 1 ? t[axis] : 1.0 - t[axis];
-    const double value = field.at(base.x() + d.x(), base.y() + d.y(), base.z() + d.z());
-    local.value += weight.prod() * value;
-    for (int axis = 0; axis < 3; ++axis)
-      local.gradient[axis] +=
-          (d[axis] == 1 ? value : -value) * weight[(axis + 1) % 3] * weight[(axis + 2) % 3];
-  }
-  return local;
-}
-
-/// Moves a point of the mask's surface along the gradient to the iso-value, by at most half a
-/// voxel, the largest possible distance.
-Eigen::Vector3d on_surface(const Volume<float>& field, float iso, const Eigen::Vector3d& start) {
-  constexpr int kSteps = 3;
-  Eigen::Vector3d index = start;
-  for (int step = 0; step < kSteps; ++step) {
-    const Local local = interpolated(field, index);
-    const double slope = local.gradient.squaredNorm();
-    if (!(slope > 0.0)) return index;
-    index += local.gradient * ((iso - local.value) / slope);
-    index = index.cwiseMax(start - Eigen::Vector3d::Constant(0.5))
-                .cwiseMin(start + Eigen::Vector3d::Constant(0.5));
-  }
-  return index;
-}
-
-Surface surface_of(const Volume<float>& field, float iso) {
-  const Mesh::Pointer mesh = surface_of_mask(field, iso);
-  Surface surface;
-  surface.points_mm.reserve(mesh->GetNumberOfPoints());
-  const auto points = mesh->GetPoints();
-  for (auto it = points->Begin(); it != points->End(); ++it) {
-    const auto& point = it.Value();
-    surface.points_mm.push_back(field.grid.physical_from_index(
-        on_surface(field, iso, Eigen::Vector3d(point[0], point[1], point[2]))));
-  }
-  const bool is_mirrored = field.grid.direction.determinant() < 0.0;
-  surface.triangles.reserve(mesh->GetNumberOfCells());
-  const auto cells = mesh->GetCells();
-  if (cells == nullptr) return surface;
-  for (auto it = cells->Begin(); it != cells->End(); ++it) {
-    std::array<std::uint32_t, 3> triangle{};
-    std::copy_n(it.Value()->PointIdsBegin(), 3, triangle.begin());
-    if (is_mirrored) std::swap(triangle[1], triangle[2]);
-    surface.triangles.push_back(triangle);
-  }
-  return surface;
-}
-
 Eigen::Vector3i factors_for(const Grid& grid, double step_mm) {
   Eigen::Vector3i factors;
   for (int axis = 0; axis < 3; ++axis)
@@ -179,13 +94,16 @@ Surface bounded_surface(const Field<T>& field, std::size_t most_triangles) {
   if (most_triangles < kLeastTriangles)
     throw InputError("most_triangles", "is " + std::to_string(most_triangles) +
                                            ", must be >= " + std::to_string(kLeastTriangles));
-  const double triangles_mm2 = kTrianglesPerVoxelFace * area_of_faces_mm2(field) / kFacesPerArea;
-  double step_mm = std::sqrt(triangles_mm2 / static_cast<double>(most_triangles));
+  double step_mm = std::sqrt(kTrianglesPerVoxelFace * area_of_faces_mm2(field) /
+                             (kMeshedPerKept * static_cast<double>(most_triangles)));
   for (;;) {
-    Surface surface =
-        surface_of(sampled(field, factors_for(field.volume.grid, step_mm)), field.iso);
+    const Eigen::Vector3i factors = factors_for(field.volume.grid, step_mm);
+    const Volume<float> coarse = sampled(field, factors);
+    Surface surface = iso_mesh(coarse, field.iso, field.smoothing, most_triangles);
     if (surface.triangles.size() <= most_triangles) return surface;
-    step_mm = 1.2 * std::max(step_mm, field.volume.grid.spacing_mm.minCoeff());
+    // The estimate above was wrong, or the decimation found no more edges to remove.
+    step_mm = std::max(step_mm, field.volume.grid.spacing_mm.minCoeff());
+    while (factors_for(field.volume.grid, step_mm) == factors) step_mm *= 1.2;
   }
 }
 
@@ -219,14 +137,16 @@ std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t mos
   std::map<int, Surface> surfaces;
   for (const auto& [label, region] : regions_of(labels))
     surfaces[label] = bounded_surface(
-        Field<std::uint16_t>{labels, region, is_label, label, 0.5F, 0.0F}, most_triangles);
+        Field<std::uint16_t>{labels, region, is_label, label, 0.5F, 0.0F, Smoothing::kAlways},
+        most_triangles);
   return surfaces;
 }
 
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles) {
   constexpr float kAirHu = -1024.0F;
   const auto iso = static_cast<float>(hu);
-  return bounded_surface(Field<std::int16_t>{ct, whole(ct.grid), as_it_is, 0, iso, kAirHu},
+  return bounded_surface(Field<std::int16_t>{ct, whole(ct.grid), as_it_is, 0, iso, kAirHu,
+                                             Smoothing::kBeforeDecimation},
                          most_triangles);
 }
 

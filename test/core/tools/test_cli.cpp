@@ -61,8 +61,8 @@ class Cli : public testing::Test {
 };
 
 TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
-  for (const char* command : {"info", "convert", "phantom", "slices", "simulate", "calibrate-motor",
-                              "evaluate", "study", "register", "presets"}) {
+  for (const char* command : {"info", "convert", "phantom", "slices", "surfaces", "simulate",
+                              "calibrate-motor", "evaluate", "study", "register", "presets"}) {
     const std::string help = run({command, "--help"});
     EXPECT_NE(help.find("mm"), std::string::npos) << command;
   }

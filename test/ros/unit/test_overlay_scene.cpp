@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "ros/conversions/clouds.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/overlay/newest_slot.h"
 #include "ros/overlay/overlay_scene.h"
 

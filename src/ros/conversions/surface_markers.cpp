@@ -1,6 +1,4 @@
-#include "ros/conversions/clouds.h"
-
-#include <sensor_msgs/point_cloud2_iterator.h>
+#include "ros/conversions/surface_markers.h"
 
 #include "ros/conversions/poses.h"
 #include "us_ct_registration/rendering/result_marks.h"
@@ -8,11 +6,9 @@
 namespace usct::ros_interface {
 namespace {
 
-using sensor_msgs::PointField;
 using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
 
-constexpr auto kFloat = PointField::FLOAT32;
 constexpr double kTitleM = 0.010;  // height of letters
 constexpr double kReasonM = 0.005;
 
@@ -101,54 +97,7 @@ std::string in_lines(const std::string& text) {
   return lines;
 }
 
-sensor_msgs::PointCloud2 cloud_of(std::size_t points, const char* fourth_field,
-                                  PointField::_datatype_type fourth_type) {
-  sensor_msgs::PointCloud2 cloud;
-  cloud.height = 1;
-  cloud.is_dense = 1;
-  sensor_msgs::PointCloud2Modifier modifier(cloud);
-  modifier.setPointCloud2Fields(4, "x", 1, kFloat, "y", 1, kFloat, "z", 1, kFloat, fourth_field, 1,
-                                fourth_type);
-  modifier.resize(points);
-  return cloud;
-}
-
-void set_point(const Eigen::Vector3d& p_mm, sensor_msgs::PointCloud2Iterator<float>& xyz) {
-  for (int axis = 0; axis < 3; ++axis) xyz[axis] = static_cast<float>(p_mm[axis] / kMmPerM);
-}
-
 }  // namespace
-
-sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
-                                    const std_msgs::Header& header) {
-  sensor_msgs::PointCloud2 cloud = cloud_of(points.size(), "intensity", kFloat);
-  cloud.header = header;
-  sensor_msgs::PointCloud2Iterator<float> value(cloud, "x");
-  for (const CloudPoint& point : points) {
-    set_point(point.p_mm, value);
-    value[3] = point.intensity;
-    ++value;
-  }
-  return cloud;
-}
-
-sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
-                                   const std::string& frame) {
-  std::size_t count = 0;
-  for (const auto& [label, surface] : surfaces) count += surface.points_mm.size();
-  sensor_msgs::PointCloud2 cloud = cloud_of(count, "label", PointField::UINT32);
-  cloud.header.frame_id = frame;
-  sensor_msgs::PointCloud2Iterator<float> xyz(cloud, "x");
-  sensor_msgs::PointCloud2Iterator<std::uint32_t> number(cloud, "label");
-  for (const auto& [label, surface] : surfaces)
-    for (const Eigen::Vector3d& p_mm : surface.points_mm) {
-      set_point(p_mm, xyz);
-      *number = static_cast<std::uint32_t>(label);
-      ++xyz;
-      ++number;
-    }
-  return cloud;
-}
 
 MarkerArray to_markers(const std::map<int, Surface>& surfaces, const LabelTable& labels,
                        const std::string& frame) {

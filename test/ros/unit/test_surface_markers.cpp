@@ -1,24 +1,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <algorithm>
 
-#include "ros/conversions/clouds.h"
+#include "ros/conversions/surface_markers.h"
+#include "ros/unit/two_surfaces.h"
 
 namespace usct::ros_interface {
 namespace {
 
 using visualization_msgs::Marker;
-
-std::map<int, Surface> two_surfaces() {
-  Surface triangle;
-  triangle.points_mm = {{0, 0, 0}, {1000, 0, 0}, {0, 2000, -500}};
-  triangle.triangles = {{0, 1, 2}, {2, 1, 0}};
-  Surface other = triangle;
-  other.triangles.pop_back();
-  return {{2, triangle}, {5, other}};
-}
 
 TEST(CtSurface, MarkersReplaceThoseBeforeAndAreInMetres) {
   const auto array = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
@@ -36,22 +27,6 @@ TEST(CtSurface, MarkersReplaceThoseBeforeAndAreInMetres) {
   EXPECT_DOUBLE_EQ(kidney.points[3].y, 2.0);
   EXPECT_EQ(kidney.color.a, 1.0F);
   EXPECT_NE(kidney.color, array.markers[2].color);
-}
-
-TEST(CtSurface, PointsHaveTheLabelsOfTheirSurfaces) {
-  const auto cloud = to_points(two_surfaces(), "ct");
-  ASSERT_EQ(cloud.width, 6U);
-  EXPECT_EQ(cloud.header.frame_id, "ct");
-  sensor_msgs::PointCloud2ConstIterator<float> z(cloud, "z");
-  sensor_msgs::PointCloud2ConstIterator<std::uint32_t> label(cloud, "label");
-  std::vector<float> all_z;
-  std::vector<std::uint32_t> labels;
-  for (; z != z.end(); ++z, ++label) {
-    all_z.push_back(*z);
-    labels.push_back(*label);
-  }
-  EXPECT_THAT(all_z, testing::ElementsAre(0, 0, -0.5, 0, 0, -0.5));
-  EXPECT_THAT(labels, testing::ElementsAre(2, 2, 2, 5, 5, 5));
 }
 
 TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
@@ -134,22 +109,6 @@ TEST(RefusedMarkers, SayWhyWithoutSurfacesToo) {
       {}, {"patient", Eigen::Isometry3d::Identity(), "no reason", {0, 0, 0}, {0, 0, 0}}, 0.5);
   ASSERT_EQ(found.markers.size(), 3u);
   EXPECT_EQ(found.markers[2].text, "no reason");
-}
-
-TEST(CloudMessage, IsInMetresWithTheIntensityLast) {
-  std_msgs::Header header;
-  header.frame_id = "patient";
-  const sensor_msgs::PointCloud2 cloud =
-      to_message({{{1000.0, -500.0, 250.0}, 42.0F}, {{0.0, 0.0, 1.0}, -100.0F}}, header);
-  EXPECT_EQ(cloud.header.frame_id, "patient");
-  ASSERT_EQ(cloud.width * cloud.height, 2u);
-  const sensor_msgs::PointCloud2ConstIterator<float> x(cloud, "x"), y(cloud, "y"), z(cloud, "z");
-  sensor_msgs::PointCloud2ConstIterator<float> intensity(cloud, "intensity");
-  EXPECT_EQ(*x, 1.0F);
-  EXPECT_EQ(*y, -0.5F);
-  EXPECT_EQ(*z, 0.25F);
-  EXPECT_EQ(*intensity, 42.0F);
-  EXPECT_EQ(*(intensity + 1), -100.0F);
 }
 
 }  // namespace

@@ -1,32 +1,21 @@
 #pragma once
 
-#include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <Eigen/Geometry>
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "us_ct_registration/io/volumes/label_table.h"
-#include "us_ct_registration/rendering/point_clouds.h"
 #include "us_ct_registration/rendering/surface.h"
 
-/// Clouds and surfaces as messages.
+/// Surfaces as markers.
 namespace usct::ros_interface {
 
-/// x, y, z (m) and intensity, 32-bit floats.
-sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
-                                    const std_msgs::Header& header);
-
-/// The points of surfaces by label: x, y, z (float32, m) and label (uint32). The stamp is 0,
-/// because the points are valid at any time.
-sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
-                                   const std::string& frame);
-
 /// A marker that deletes those of the previous CT, then a TRIANGLE_LIST per surface, with the label
-/// as its id, and name and colour of the table. The stamp is 0, as for `to_points`.
+/// as its id, and name and colour of the table. The stamp is 0,
+/// because they are valid at any time.
 visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
                                            const LabelTable& labels, const std::string& frame);
 
