@@ -107,7 +107,7 @@ def regions(drawn, raw):
 
 
 class Case:
-    """What is true of a case, and what a registration of it predicts."""
+    """The truth of a case, and the error that a registration of it predicts."""
 
     def __init__(self, folder, result):
         self.camera = Camera(folder / "endoscope/camera.yaml")

@@ -1,4 +1,4 @@
-"""How well the overlay shows the tumour: see `run`, which starts this.
+"""Measures the error with which the overlay shows the tumour: see `run`, which starts this.
 
 One seed is one independent case: anatomy, ultrasound, camera and registration all differ. Several images of one video
 share one registration, and so do registrations of one phantom from several starts: they are not independent.
@@ -17,7 +17,7 @@ import overlay_case  # noqa: E402: the path comes first
 import test_replay  # noqa: E402
 
 FRAMES = 6
-# Of the true outline, over all images of a case, for the band to have held it.
+# The band has held the true outline of a case if this share of it, over all images, lies in the band.
 HELD = 0.995
 
 

@@ -79,7 +79,8 @@ std::vector<Rod> instruments_at(double time_s, int count, const Isometry3d& T_ct
   return rods;
 }
 
-/// What the light of the camera returns from a surface towards it, red, green, blue, linear.
+/// The light that a surface returns to the camera, whose light shines on it; red, green, blue,
+/// linear.
 Vector3d lit(const Look& look, const Vector3d& normal, const Sight& sight, double distance_mm,
              double openness) {
   const double facing = std::max(0.0, -normal.dot(sight.direction));

@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kMostSteps = 100;
+constexpr int kMostInversionSteps = 100;
 constexpr double kConverged = 1e-9;
 constexpr double kMostErrorPx = 1e-4;
 
@@ -34,7 +34,7 @@ std::vector<Eigen::Vector2f> lines_of_sight(const CameraIntrinsics& lens) {
     for (int x = 0; x < lens.width; ++x) {
       const Vector2d wanted((x - lens.cx) / lens.fx, (y - lens.cy) / lens.fy);
       Vector2d at = wanted;
-      for (int step = 0; step < kMostSteps; ++step) {
+      for (int step = 0; step < kMostInversionSteps; ++step) {
         const Brown brown = distortion_at(at, lens);
         const Vector2d before = at;
         at = (wanted - brown.tangential) / brown.radial;

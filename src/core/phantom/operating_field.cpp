@@ -24,9 +24,10 @@ constexpr double kBedBumpsMm = 12.0;
 /// A ray that is nearer to a surface than this has met it.
 constexpr double kTouchMm = 0.02;
 constexpr double kLeastStepMm = 0.05;
-constexpr int kMostSteps = 400;
+constexpr int kMostMarchingSteps = 400;
 
-/// What a surgeon leaves in view: the kidney, its lesions, its vessels and the ureter.
+/// The tissues that stay in view after the fat was taken away: the kidney, its lesions, its vessels
+/// and the ureter.
 bool is_exposed(Tissue tissue) {
   switch (tissue) {
     case Tissue::kCortex:
@@ -149,7 +150,7 @@ std::optional<OperatingField::Hit> OperatingField::first_hit(const Sight& sight,
                                                              const std::vector<Rod>& rods,
                                                              double most_mm) const {
   double distance = 0.0;
-  for (int step = 0; step < kMostSteps && distance < most_mm; ++step) {
+  for (int step = 0; step < kMostMarchingSteps && distance < most_mm; ++step) {
     const Vector3d p = sight.at(distance);
     double nearest = tissue_distance(p);
     int rod = -1;

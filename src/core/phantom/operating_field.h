@@ -59,7 +59,8 @@ class OperatingField {
   /// Whether a line of sight meets the tumour, whatever lies before it.
   bool meets_tumour(const Sight& sight) const;
 
-  /// How open the surroundings of a point of the surface are: 1 on a ridge, towards 0 in a groove.
+  /// The openness of the surroundings of a point of the surface: 1 on a ridge, towards 0 in a
+  /// groove.
   double openness(const Eigen::Vector3d& p_mm, const Eigen::Vector3d& normal) const;
 
  private:

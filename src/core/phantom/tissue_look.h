@@ -7,7 +7,7 @@
 
 namespace usct::phantom {
 
-/// How a surface looks to a camera: its colour (red, green, blue; linear, 0 to 1) and its gloss.
+/// The look of a surface to a camera: its colour (red, green, blue; linear, 0 to 1) and its gloss.
 struct Look {
   Eigen::Vector3d colour;
   double gloss;

@@ -25,21 +25,11 @@ using ::ros::Time;
 
 constexpr double kCalibrationBeforeVideoS = 0.5;
 
-geometry_msgs::TransformStamped stamped(const Time& stamp, const Isometry3d& T_parent_child,
-                                        const std::string& parent, const std::string& child) {
-  geometry_msgs::TransformStamped transform;
-  transform.header.stamp = stamp;
-  transform.header.frame_id = parent;
-  transform.child_frame_id = child;
-  transform.transform = to_message(T_parent_child);
-  return transform;
-}
-
 void record_path(const std::vector<StampedPose>& path, const std::string& parent,
                  const std::string& child, Recording& recording) {
   for (const StampedPose& pose : path) {
     tf2_msgs::TFMessage message;
-    message.transforms = {stamped(pose.stamp, pose.T, parent, child)};
+    message.transforms = {stamped_transform(pose.stamp, pose.T, parent, child)};
     recording.add("/tf", pose.stamp, message);
   }
 }
@@ -107,8 +97,8 @@ void record_us_frame(const std::vector<Sweep>& sweeps, const BagOptions& options
   const bool motorised = sweeps.front().acquisition->us.geometry.is_motorised();
   const double retract_mm = motorised ? options.retract_mm : 0.0;
   if (is_static(sweeps, retract_mm)) {
-    statics.push_back(stamped(begin, *sweeps.front().acquisition->T_fixed_us, options.fixed_frame,
-                              options.us_frame));
+    statics.push_back(stamped_transform(begin, *sweeps.front().acquisition->T_fixed_us,
+                                        options.fixed_frame, options.us_frame));
     return;
   }
   std::vector<std::vector<StampedPose>> stays;
@@ -143,8 +133,8 @@ void record_truth(const Sweep& sweep, const Time& time, const BagOptions& option
       anchored ? *acquisition.T_fixed_us * *acquisition.T_us_ct : *acquisition.T_us_ct;
   recording.add_latched(
       "/truth/alignment", time,
-      stamped(sweep.last(), T_parent_ct, anchored ? options.fixed_frame : options.us_frame,
-              options.ct_frame));
+      stamped_transform(sweep.last(), T_parent_ct,
+                        anchored ? options.fixed_frame : options.us_frame, options.ct_frame));
 }
 
 void record_ct(const BagCt& ct, const BagOptions& options, const Time& begin,

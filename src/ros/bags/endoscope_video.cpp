@@ -21,22 +21,12 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-/// Where the robot stands, and how the cameras sit on the tip of its endoscope, which looks 30
+/// The place of the robot, and that of the cameras on the tip of its endoscope, which looks 30
 /// degrees down. The values are of no importance, but none is the identity.
 const Isometry3d kTFixedBase =
     Translation3d(-350.0, 620.0, -180.0) * AngleAxisd(-1.1, Vector3d::UnitZ());
 const Isometry3d kTTipLeft = Translation3d(-2.2, 1.5, 6.0) * AngleAxisd(0.5236, Vector3d::UnitX()) *
                              AngleAxisd(0.02, Vector3d::UnitZ());
-
-geometry_msgs::TransformStamped stamped(const ::ros::Time& stamp, const Isometry3d& T,
-                                        const std::string& parent, const std::string& child) {
-  geometry_msgs::TransformStamped transform;
-  transform.header.stamp = stamp;
-  transform.header.frame_id = parent;
-  transform.child_frame_id = child;
-  transform.transform = to_message(T);
-  return transform;
-}
 
 Isometry3d T_left_right(const EndoscopeVideo& video) {
   return Isometry3d(Translation3d(video.baseline_mm, 0.0, 0.0));
@@ -87,9 +77,9 @@ std::vector<geometry_msgs::TransformStamped> endoscope_calibration(const Endosco
                                                                    const std::string& fixed_frame,
                                                                    const EndoscopeFrames& frames,
                                                                    const ::ros::Time& stamp) {
-  return {stamped(stamp, kTFixedBase, fixed_frame, frames.base),
-          stamped(stamp, kTTipLeft, frames.tip, frames.left),
-          stamped(stamp, T_left_right(video), frames.left, frames.right)};
+  return {stamped_transform(stamp, kTFixedBase, fixed_frame, frames.base),
+          stamped_transform(stamp, kTTipLeft, frames.tip, frames.left),
+          stamped_transform(stamp, T_left_right(video), frames.left, frames.right)};
 }
 
 void record_endoscope(const EndoscopeVideo& video, const Isometry3d& T_fixed_ct,
@@ -101,7 +91,7 @@ void record_endoscope(const EndoscopeVideo& video, const Isometry3d& T_fixed_ct,
     const Isometry3d T_base_tip =
         kTFixedBase.inverse() * T_fixed_ct * T_ct_left * kTTipLeft.inverse();
     tf2_msgs::TFMessage tf;
-    tf.transforms = {stamped(stamp, T_base_tip, frames.base, frames.tip)};
+    tf.transforms = {stamped_transform(stamp, T_base_tip, frames.base, frames.tip)};
     recording.add("/tf", stamp, tf);
     for (const bool right : {false, true}) {
       const std::string side = right ? "right" : "left";

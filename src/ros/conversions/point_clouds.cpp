@@ -18,8 +18,8 @@ Point point_of(const Eigen::Vector3d& p_mm, Value value) {
 }
 
 template <typename Point>
-sensor_msgs::PointCloud2 to_message(const pcl::PointCloud<Point>& cloud,
-                                    const std_msgs::Header& header) {
+sensor_msgs::PointCloud2 cloud_message(const pcl::PointCloud<Point>& cloud,
+                                       const std_msgs::Header& header) {
   sensor_msgs::PointCloud2 message;
   pcl::toROSMsg(cloud, message);
   // PCL's header has no room for the nanoseconds of a stamp.
@@ -35,7 +35,7 @@ sensor_msgs::PointCloud2 to_message(const std::vector<CloudPoint>& points,
   cloud.reserve(points.size());
   for (const CloudPoint& point : points)
     cloud.push_back(point_of<BrightPoint>(point.p_mm, point.intensity));
-  return to_message(cloud, header);
+  return cloud_message(cloud, header);
 }
 
 sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
@@ -46,7 +46,7 @@ sensor_msgs::PointCloud2 to_points(const std::map<int, Surface>& surfaces,
       cloud.push_back(point_of<LabelledPoint>(p_mm, static_cast<std::uint32_t>(label)));
   std_msgs::Header header;
   header.frame_id = frame;
-  return to_message(cloud, header);
+  return cloud_message(cloud, header);
 }
 
 pcl_msgs::PolygonMesh to_mesh(const std::map<int, Surface>& surfaces, const std::string& frame) {

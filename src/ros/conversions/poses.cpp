@@ -51,4 +51,16 @@ geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm) {
   return transform;
 }
 
+geometry_msgs::TransformStamped stamped_transform(const ::ros::Time& stamp,
+                                                  const Eigen::Isometry3d& T_parent_child_mm,
+                                                  const std::string& parent,
+                                                  const std::string& child) {
+  geometry_msgs::TransformStamped transform;
+  transform.header.stamp = stamp;
+  transform.header.frame_id = parent;
+  transform.child_frame_id = child;
+  transform.transform = to_message(T_parent_child_mm);
+  return transform;
+}
+
 }  // namespace usct::ros_interface

@@ -2,7 +2,7 @@
 
 #include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
-#include <geometry_msgs/Transform.h>
+#include <geometry_msgs/TransformStamped.h>
 
 #include <Eigen/Geometry>
 #include <string>
@@ -26,5 +26,9 @@ Eigen::Isometry3d from_message_mm(const geometry_msgs::Transform& transform_m,
 Eigen::Isometry3d from_message_mm(const geometry_msgs::Pose& pose_m, const std::string& source);
 geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm);
 geometry_msgs::Pose to_pose_message(const Eigen::Isometry3d& T_mm);
+geometry_msgs::TransformStamped stamped_transform(const ::ros::Time& stamp,
+                                                  const Eigen::Isometry3d& T_parent_child_mm,
+                                                  const std::string& parent,
+                                                  const std::string& child);
 
 }  // namespace usct::ros_interface

@@ -10,7 +10,7 @@ namespace usct::ros_interface {
 /// Publishes a volume. May be called from any thread.
 using PublishVolume = std::function<void(const us_ct_registration::PreScanVolumeConstPtr&)>;
 
-/// How often a source looks whether frames have paused, s.
+/// Period at which a source checks whether frames have paused, s.
 constexpr double kPauseCheckPeriod_s = 0.05;
 
 /// A source of ultrasound. It works from its construction on, and passes each volume to its

@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-PhantomOptions patient() {
+PhantomOptions patient_options() {
   PhantomOptions options;
   options.scene = SceneKind::kPatient;
   options.seed = 3;
@@ -30,7 +30,7 @@ EndoscopeOptions small_video() {
 }
 
 const Endoscope& endoscope() {
-  static const Endoscope made(patient(), small_video());
+  static const Endoscope made(patient_options(), small_video());
   return made;
 }
 
@@ -111,10 +111,10 @@ TEST(Endoscope, InstrumentsHideAndTheTumourIsSeen) {
 }
 
 TEST(Endoscope, BadInputIsRefused) {
-  PhantomOptions without = patient();
+  PhantomOptions without = patient_options();
   without.anatomy.tumour = false;
   usct::test::expect_input_error([&] { Endoscope(without, small_video()); }, {"no tumour"});
-  PhantomOptions agar = patient();
+  PhantomOptions agar = patient_options();
   agar.scene = SceneKind::kAgar;
   usct::test::expect_input_error([&] { Endoscope(agar, small_video()); }, {"agar", "patient"});
   EndoscopeOptions wide = small_video();

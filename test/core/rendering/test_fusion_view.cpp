@@ -14,8 +14,8 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-constexpr double kPixelMm = 0.5;
-constexpr int kPanelPx = 121;  // of the field, from its first voxel to its last
+constexpr double kViewPixelMm = 0.5;
+constexpr int kViewPanelPx = 121;  // of the field, from its first voxel to its last
 
 /// Bright where the coordinate along `axis` is above 10 mm.
 ScanConverted half_bright(int axis) {
@@ -46,7 +46,7 @@ CtVolume ball() {
 FusionViewOptions in(FusionMode mode) {
   FusionViewOptions options;
   options.mode = mode;
-  options.pictures.pixel_mm = kPixelMm;
+  options.pictures.pixel_mm = kViewPixelMm;
   options.pictures.levels = {{0.0, "surface", {0, 255, 0}}};
   return options;
 }
@@ -59,7 +59,7 @@ const FusionPose kNoPose{PoseStanding::kNone, std::nullopt, "there is none", ""}
 
 /// A pixel of a panel without legend, from the panel's upper left corner.
 const std::uint8_t* at(const Picture& picture, int x, int y) {
-  return picture.pixel(x, picture.height - kPanelPx + y);
+  return picture.pixel(x, picture.height - kViewPanelPx + y);
 }
 
 bool is_bright(const Picture& picture, int x, int y) { return at(picture, x, y)[0] > 200; }
@@ -144,9 +144,9 @@ TEST(FusionView, TheColourOfTheFrameIsThatOfTheStanding) {
 TEST(FusionView, TheBarIsAsLongAsItSays) {
   const FusionView view =
       draw_fusion_view(uniform(40), nullptr, nullptr, kNoPose, in(FusionMode::kUltrasound));
-  const int y = kPanelPx - 2 * rendering::kMarginPx - 2;
+  const int y = kViewPanelPx - 2 * rendering::kMarginPx - 2;
   int white = 0;
-  for (int x = 60; x < kPanelPx - rendering::kMarginPx; ++x)
+  for (int x = 60; x < kViewPanelPx - rendering::kMarginPx; ++x)
     if (at(view.elevation, x, y)[0] == 255 && at(view.elevation, x, y)[2] == 255) ++white;
   EXPECT_EQ(white, 20);  // 10 mm, the longest that takes less than a quarter
 }

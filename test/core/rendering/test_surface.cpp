@@ -37,7 +37,7 @@ Volume<T> filled(const Grid& grid, F&& value) {
   return volume;
 }
 
-/// How often each edge of the triangles occurs, by its first and second point.
+/// The number of times that each edge of the triangles occurs, by its first and second point.
 std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges_of(const Surface& surface) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   for (const auto& t : surface.triangles)

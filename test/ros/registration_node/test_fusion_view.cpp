@@ -23,7 +23,7 @@ using Eigen::Isometry3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
-const Isometry3d kPatientUs = test::rigid({0.1, -0.4, 0.3}, {40, 90, 700});
+const Isometry3d kPatientUsInView = test::rigid({0.1, -0.4, 0.3}, {40, 90, 700});
 
 bool is_equal(const sensor_msgs::Image& image, const Picture& picture) {
   return image.encoding == "rgb8" && static_cast<int>(image.width) == picture.width &&
@@ -52,7 +52,7 @@ class FusionViewNodes {
 
   /// Sends ultrasound that ends now; `share` as of `moving_sweep`.
   void send_ultrasound(double share, const std::string& name) {
-    const MovingSweep moving = moving_sweep(kPatientUs, share, 0.0, name + "_of_" + name_);
+    const MovingSweep moving = moving_sweep(kPatientUsInView, share, 0.0, name + "_of_" + name_);
     sweep_ = moving.sweep;
     tf_.publish(moving.poses);
     client_.send(sweep_);
@@ -95,7 +95,8 @@ class FusionViewNodes {
 
   /// Registers the newest ultrasound, which succeeds, and waits for a person.
   Result registered() {
-    EXPECT_EQ(client_.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
+    EXPECT_EQ(client_.set(kPatientUsInView * test::nearby(agar()), "patient").status.code,
+              Status::OK);
     const Result result =
         client_.call_until([&](const Result& r) { return r.us_stamp == sweep_.header.stamp; });
     EXPECT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
@@ -278,7 +279,7 @@ TEST_P(FusionViewLater, ThePlanesMeetWhereSomebodyPoints) {
   EXPECT_TRUE(eventually([&] { return centre.getNumSubscribers() == 1; }));
   geometry_msgs::PointStamped point;
   point.header = header("patient", ::ros::Time::now());
-  point.point = to_message(kPatientUs * (agar().T_us_ct_true * agar().ct.grid.centre_mm()));
+  point.point = to_message(kPatientUsInView * (agar().T_us_ct_true * agar().ct.grid.centre_mm()));
   centre.publish(point);
   const sensor_msgs::Image moved =
       sheets_.wait([&](const auto& image) { return image.data != middle.data; });

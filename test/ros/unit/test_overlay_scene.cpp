@@ -40,9 +40,9 @@ OverlaySceneOptions with_band() {
 }
 
 /// A keeper of three structures and an accepted alignment.
-struct Kept {
+struct KeptOverlay {
   OverlaySceneKeeper keeper{with_band()};
-  Kept() {
+  KeptOverlay() {
     keeper.take_surface(
         to_markers({{1, tetrahedron()}, {2, tetrahedron()}, {3, tetrahedron()}},
                    {{1, {"left kidney", {}}}, {2, {"tumour", {}}}, {3, {"vein", {}}}}, "ct"));
@@ -54,7 +54,7 @@ struct Kept {
 };
 
 TEST(OverlayScene, HasTheVisibleStructuresWhereTheAlignmentHasThem) {
-  const Kept kept;
+  const KeptOverlay kept;
   const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
   EXPECT_EQ(scene.refusal, "");
   EXPECT_TRUE(scene.warnings.empty());
@@ -74,7 +74,7 @@ TEST(OverlayScene, HasTheVisibleStructuresWhereTheAlignmentHasThem) {
 }
 
 TEST(OverlayScene, IsOutdatedByEveryChangeOfTheAlignment) {
-  Kept kept;
+  KeptOverlay kept;
   const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
   EXPECT_TRUE(kept.keeper.is_current(scene));
   msg::Alignment other = accepted();
@@ -97,7 +97,7 @@ TEST(OverlayScene, IsOutdatedByEveryChangeOfTheAlignment) {
 }
 
 TEST(OverlayScene, APoseThatIsNotRigidIsRefused) {
-  Kept kept;
+  KeptOverlay kept;
   msg::Alignment broken = accepted();
   broken.transform.rotation.w = 0.5;
   kept.keeper.take_alignment(broken);
@@ -107,7 +107,7 @@ TEST(OverlayScene, APoseThatIsNotRigidIsRefused) {
 /// 3 mm along x; the points reach 10 mm from the origin, where a rotation of 0.1 rad about each
 /// axis gives 0.1 * 10 * sqrt(2).
 TEST(OverlayScene, TheBoundIsThatOfTheCovarianceAtTheStructure) {
-  Kept kept;
+  KeptOverlay kept;
   geometry_msgs::PoseWithCovarianceStamped pose;
   pose.header = accepted().header;
   pose.pose.covariance[0] = 0.003 * 0.003;
