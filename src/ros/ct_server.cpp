@@ -136,6 +136,11 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
   loaded.has_labels = !labels.empty();
   if (loaded.has_labels) {
     loaded.surfaces = label_surfaces(read_labels(labels, loaded.ct.whole_grid), surface_triangles_);
+    for (const auto& [label, surface] : loaded.surfaces)
+      if (surface.triangles.empty())
+        loaded.ct.warnings.push_back(
+            "label " + std::to_string(label) + " is too thin for a surface of " +
+            std::to_string(surface_triangles_) + " triangles (surface_triangles), and has none");
   } else if (Surface surface = iso_surface(loaded.ct.volume, surface_hu_, surface_triangles_);
              !surface.triangles.empty()) {
     loaded.surfaces[0] = std::move(surface);

@@ -21,8 +21,9 @@ struct Surface {
 
 /// The surface of each label that has voxels, by label: flying edges (marching cubes), smoothed
 /// against the steps between voxels, and decimated to at most `most_triangles` by quadric error. A
-/// label with many more triangles is meshed on a coarser, smoothed grid first; structures thinner
-/// than that grid are then lost. Smoothing shrinks structures of less than about five voxels
+/// label with many more triangles is meshed on a coarser, smoothed grid first; parts thinner than
+/// that grid are then lost. A label of which nothing would be left is meshed on a finer grid; its
+/// surface is empty if it cannot be decimated that far. Smoothing shrinks structures of less than about five voxels
 /// across. Throws InputError if `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "rendering/iso_mesh.h"
@@ -96,14 +97,23 @@ Surface bounded_surface(const Field<T>& field, std::size_t most_triangles) {
                                            ", must be >= " + std::to_string(kLeastTriangles));
   double step_mm = std::sqrt(kTrianglesPerVoxelFace * area_of_faces_mm2(field) /
                              (kMeshedPerKept * static_cast<double>(most_triangles)));
+  // A grid that is too coarse for a thin object shows nothing of it.
+  double lost_mm = std::numeric_limits<double>::infinity();
   for (;;) {
     const Eigen::Vector3i factors = factors_for(field.volume.grid, step_mm);
-    const Volume<float> coarse = sampled(field, factors);
-    Surface surface = iso_mesh(coarse, field.iso, field.smoothing, most_triangles);
+    const auto is_same = [&] { return factors_for(field.volume.grid, step_mm) == factors; };
+    Surface surface = iso_mesh(sampled(field, factors), field.iso, field.smoothing, most_triangles);
+    const bool is_lost = surface.triangles.empty() && factors != Eigen::Vector3i::Ones();
+    if (is_lost) {
+      lost_mm = step_mm;
+      while (is_same()) step_mm /= 1.2;
+      continue;
+    }
     if (surface.triangles.size() <= most_triangles) return surface;
     // The estimate above was wrong, or the decimation found no more edges to remove.
     step_mm = std::max(step_mm, field.volume.grid.spacing_mm.minCoeff());
-    while (factors_for(field.volume.grid, step_mm) == factors) step_mm *= 1.2;
+    while (is_same()) step_mm *= 1.2;
+    if (step_mm >= lost_mm) return {};
   }
 }
 

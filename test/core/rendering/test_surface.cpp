@@ -196,6 +196,20 @@ TEST(Surface, OfNoiseIsClosedAndKeepsItsBound) {
   expect_closed(noise, 2);
 }
 
+/// A sheet of one voxel vanishes on every coarser grid.
+TEST(Surface, OfAThinSheetIsThereWithFewTriangles) {
+  Grid grid;
+  grid.size = {160, 150, 5};
+  LabelVolume labels(grid, 0);
+  for (int j = 5; j < 145; ++j)
+    for (int i = 5; i < 155; ++i) labels.at(i, j, 2) = 7;
+  const Surface sheet = label_surfaces(labels, 1000).at(7);
+  ASSERT_FALSE(sheet.triangles.empty());
+  EXPECT_LE(sheet.triangles.size(), 1000U);
+  expect_closed(sheet);
+  for (const Eigen::Vector3d& p : sheet.points_mm) EXPECT_NEAR(p.z(), 2.0, 1.0);
+}
+
 TEST(Surface, TooFewTrianglesAreRefused) {
   EXPECT_THROW(iso_surface(CtVolume(oblique_grid(false)), -500.0, 999), InputError);
 }
