@@ -23,8 +23,8 @@ struct Surface {
 /// against the steps between voxels, and decimated to at most `most_triangles` by quadric error. A
 /// label with many more triangles is meshed on a coarser, smoothed grid first; parts thinner than
 /// that grid are then lost. A label of which nothing would be left is meshed on a finer grid; its
-/// surface is empty if it cannot be decimated that far. Smoothing shrinks structures of less than about five voxels
-/// across. Throws InputError if `most_triangles` is < 1000.
+/// surface is empty if it cannot be decimated that far. Smoothing shrinks structures of less than
+/// about five voxels across. Throws InputError if `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
 
 /// The surface of the voxels of the CT above `hu`, made in the same way, but smoothed only if it is
