@@ -68,11 +68,11 @@ if(NOT USCT_CORE_ONLY)
   endforeach()
 endif()
 
-# Tests with nodes run one at a time beside other tests: they wait for messages, within limits that a machine with many
-# of them at once would not keep. The two longest judge content, not time, and may run beside one of them.
+# Tests with nodes run one at a time beside the others: they wait for messages, within limits that a machine with
+# many of them at once would not keep.
 get_property(all_tests DIRECTORY PROPERTY TESTS)
 foreach(test ${all_tests})
-  if(test MATCHES "_rostest_" AND NOT test MATCHES "(replay|real_data)\\.test$")
+  if(test MATCHES "_rostest_")
     set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes)
   endif()
 endforeach()
