@@ -19,7 +19,6 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
 
-constexpr double kTau = 6.283185307179586;
 constexpr double kDistanceMm = 128.0;
 constexpr double kFarthestMm = 260.0;
 
@@ -65,7 +64,7 @@ std::vector<Rod> instruments_at(double time_s, int count, const Isometry3d& T_ct
                                 const OperatingField& field) {
   const Vector3d tumour = T_ct_camera.inverse() * field.tumour_centre_mm();
   const double radius = field.tumour_radius_mm();
-  const double swing = std::sin(kTau * time_s / 3.1);
+  const double swing = std::sin(2.0 * kPi * time_s / 3.1);
   std::vector<Rod> rods;
   if (count > 0)
     add_instrument(
@@ -193,13 +192,13 @@ Endoscope::~Endoscope() = default;
 Endoscope::Endoscope(Endoscope&&) noexcept = default;
 
 Vector3d Endoscope::shift_ct_mm(int frame) const {
-  const double phase = kTau * time_s(frame) / options_.breathing_period_s;
+  const double phase = 2.0 * kPi * time_s(frame) / options_.breathing_period_s;
   return {0.0, 0.0, 0.5 * options_.breathing_mm * std::sin(phase)};
 }
 
 Isometry3d Endoscope::T_ct_camera(Eye eye, int frame) const {
   constexpr double kPeriodS = 5.3;
-  const double phase = kTau * time_s(frame) / kPeriodS;
+  const double phase = 2.0 * kPi * time_s(frame) / kPeriodS;
   const Vector3d moved =
       options_.camera_motion_mm * Vector3d(std::sin(phase), 0.6 * std::cos(0.7 * phase), 0.0);
   const Isometry3d left = looking_at(T_ct_rest_ * moved, aim_ct_mm_, T_ct_rest_.linear().col(0));

@@ -32,7 +32,7 @@ vtkNew<vtkPolyData> mesh_of(const Surface& surface) {
   return mesh;
 }
 
-/// A line of a header: one that a name with a line break would end is damaged.
+/// The text without line breaks, which would end its line of a header.
 std::string in_one_line(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](unsigned char letter) { return letter < ' '; }, ' ');

@@ -3,6 +3,7 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <ros/ros.h>
 
+#include <cstdint>
 #include <functional>
 #include <mutex>
 #include <string>
@@ -11,6 +12,9 @@
 namespace usct::ros_interface {
 
 constexpr double kLimit_s = 60.0;
+/// Processes of us_ingest.test that listen to tf. A test that publishes poses waits for all of
+/// them: with fewer, the node that it tests may not be among those connected.
+constexpr std::uint32_t kTfListeners = 4;
 
 inline bool wait_for(const std::function<bool()>& condition) {
   const ::ros::WallTime end = ::ros::WallTime::now() + ::ros::WallDuration(kLimit_s);

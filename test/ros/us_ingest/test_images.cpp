@@ -66,7 +66,7 @@ class LiveImages : public testing::Test {
         start_(node_.serviceClient<msg::Sweep>(space_ + "/us/start_sweep")),
         end_(node_.serviceClient<msg::Sweep>(space_ + "/us/end_sweep")) {
     EXPECT_TRUE(wait_for([&] { return images_.getNumSubscribers() == 1; }));
-    EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= 4; }));
+    EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= kTfListeners; }));
     EXPECT_TRUE(volumes_.wait_for_publisher());
   }
 

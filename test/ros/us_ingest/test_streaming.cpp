@@ -125,7 +125,7 @@ TEST_P(Streaming, FramesWithStampsFarFromNowAreDropped) {
 TEST_P(Streaming, TrackedFramesGetTheirPosesFromTfThatComesLater) {
   constexpr int kFrames = 10;
   constexpr double kPeriod_s = 0.05;
-  EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= 2; }));
+  EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= kTfListeners; }));
   PreScanVolume still;
   still.geometry = {
       {20, 0.0, 0.5},
