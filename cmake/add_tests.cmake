@@ -9,6 +9,10 @@ file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/test_paths/test_paths.h CONTENT "#pra
 #define USCT_TOOL \"$<TARGET_FILE:usct>\"
 ")
 
+# What tests cost is mostly their compilation; what they call is compiled as a user's is. With so little optimization, g++
+# takes elements of Eigen's vectors for uninitialized.
+set(test_optimization $<$<CONFIG:Release>:-O1> $<$<CONFIG:Release>:-Wno-maybe-uninitialized>)
+
 # usct_add_gtest(NAME SOURCES...): with ROS through catkin, so that catkin_test_results sees it.
 function(usct_add_gtest name)
   set(sources ${ARGN})
@@ -30,6 +34,7 @@ function(usct_add_gtest name)
   target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
     ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
     hwy::hwy usct_warnings)
+  target_compile_options(${name} PRIVATE ${test_optimization})
   add_dependencies(${name} usct)
 endfunction()
 
@@ -61,11 +66,20 @@ if(NOT USCT_CORE_ONLY)
       usct_unite(sources ${PROJECT_SOURCE_DIR}/test)
       add_rostest_gtest(test_${name} ${launch_file} ${sources})
       target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
+      target_compile_options(test_${name} PRIVATE ${test_optimization})
       target_link_libraries(test_${name} ${PROJECT_NAME}_ros ${GTEST_LIBRARIES} usct_warnings)
     else()
       add_rostest(${launch_file})
     endif()
   endforeach()
+endif()
+
+# The panel, as rviz loads it; its buttons are pressed by Qt's own means.
+if(NOT USCT_CORE_ONLY)
+  find_package(Qt5 REQUIRED COMPONENTS Test)
+  target_include_directories(test_rviz_panel SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
+  target_link_libraries(test_rviz_panel rviz Qt5::Widgets Qt5::Test gmock)
+  add_dependencies(test_rviz_panel ${PROJECT_NAME}_rviz)
 endif()
 
 # Tests with nodes run one at a time beside the others: they wait for messages, within limits that a machine with
@@ -93,7 +107,8 @@ add_test(NAME package_headers
 add_test(NAME package_sizes
   COMMAND ${Python3_EXECUTABLE} ${package_tests}/check_sizes.py ${PROJECT_SOURCE_DIR})
 add_test(NAME package_check_sizes COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_check_sizes.py)
-add_test(NAME package_plot_study COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_plot_study.py)
+add_test(NAME package_study_report COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_study_report.py)
+add_test(NAME package_overlay_error COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_overlay_error.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_self_cases.py)
 add_test(NAME soak_watcher COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/bench/soak/test_soak.py)

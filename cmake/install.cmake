@@ -12,7 +12,7 @@ else()
   set(USCT_BIN_DIR ${CATKIN_GLOBAL_BIN_DESTINATION})
   set(USCT_INCLUDE_DIR ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
   set(USCT_SHARE_DIR ${CATKIN_PACKAGE_SHARE_DESTINATION})
-  set(USCT_SCRIPT_DIR ${CATKIN_PACKAGE_BIN_DESTINATION})  # rosrun us_ct_registration plot_study
+  set(USCT_SCRIPT_DIR ${CATKIN_PACKAGE_BIN_DESTINATION})  # rosrun us_ct_registration study_report
 endif()
 
 # The tool finds the library, and usct_bag beside it, wherever the prefix is.
@@ -30,16 +30,18 @@ install(TARGETS ${USCT_PROGRAMS} RUNTIME DESTINATION ${USCT_BIN_DIR})
 if(NOT USCT_CORE_ONLY)
   set_target_properties(${PROJECT_NAME}_ros PROPERTIES
     VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
-  set_target_properties(${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets PROPERTIES INSTALL_RPATH "$ORIGIN")
+  set_target_properties(${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_rviz
+    PROPERTIES INSTALL_RPATH "$ORIGIN")
   set_target_properties(${USCT_NODES} PROPERTIES INSTALL_RPATH "$ORIGIN/..")
-  install(TARGETS ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets LIBRARY DESTINATION ${USCT_LIB_DIR})
+  install(TARGETS ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets ${PROJECT_NAME}_rviz
+    LIBRARY DESTINATION ${USCT_LIB_DIR})
   install(TARGETS ${USCT_NODES} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-  install(FILES nodelet_plugins.xml DESTINATION ${USCT_SHARE_DIR})
-  install(DIRECTORY launch rviz DESTINATION ${USCT_SHARE_DIR})
+  install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${USCT_SHARE_DIR})
+  install(DIRECTORY launch rviz urdf DESTINATION ${USCT_SHARE_DIR})
 endif()
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${USCT_INCLUDE_DIR})
-install(DIRECTORY config DESTINATION ${USCT_SHARE_DIR})
-install(PROGRAMS scripts/plot_study DESTINATION ${USCT_SCRIPT_DIR})
+install(DIRECTORY config studies DESTINATION ${USCT_SHARE_DIR})
+install(PROGRAMS scripts/study_report scripts/study_slurm DESTINATION ${USCT_SCRIPT_DIR})
 
 # With ROS, catkin_package() makes the files that find_package(us_ct_registration) reads.
 if(USCT_CORE_ONLY)

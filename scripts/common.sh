@@ -76,3 +76,27 @@ start_master() {
   until rosparam list > /dev/null 2>&1; do kill -0 "${started[-1]}"; sleep 0.2; done
 }
 client() { python3 "$project/scripts/demo_client.py" "$@"; }
+
+# start_rviz: with this package's configuration, on the user's screen or, without one, on a virtual one of 1400 x 900
+# pixels. `screen` is its name and `rviz_pid` the process; both stay empty if there is no screen.
+screen='' rviz_pid=''
+start_rviz() {
+  local software=() name=$ROS_LOG_DIR/display
+  screen=${DISPLAY:-}
+  if [ -z "$screen" ]; then
+    start "$ROS_LOG_DIR/xvfb.log" Xvfb -displayfd 3 -screen 0 1400x900x24 3> "$name"
+    for _ in $(seq 100); do [ ! -s "$name" ] || break; sleep 0.1; done
+    [ -s "$name" ] || { echo "Xvfb does not start; no pictures of rviz" >&2; return; }
+    screen=:$(< "$name")
+    software=(LIBGL_ALWAYS_SOFTWARE=1)
+  fi
+  start "$ROS_LOG_DIR/rviz.log" env DISPLAY="$screen" QT_X11_NO_MITSHM=1 "${software[@]}" \
+    rviz -d "$project/rviz/registration.rviz"
+  rviz_pid=${started[-1]}
+}
+# take_picture FILE: of the screen, once rviz has drawn what it got.
+take_picture() {
+  [ -n "$screen" ] || return 0
+  sleep 5
+  DISPLAY=$screen import -window root "$1"
+}

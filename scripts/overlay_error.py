@@ -9,13 +9,19 @@ import argparse
 import json
 import pathlib
 import re
+import signal
+import subprocess
 import sys
 import time
 
 import numpy
+import ros_graph
 
 LIMIT_S = 120.0
 QUIET_S = 5.0
+# The video is replayed from this time before its first image.
+BEFORE_VIDEO_S = 2.0
+PLAYER = "/player_of_video"
 TUMOUR = 2  # in segmentation.nrrd
 GREEN, BAND = numpy.array([0, 255, 0]), numpy.array([255, 220, 0])
 BAND_OPACITY = 0.5
@@ -89,12 +95,27 @@ def near(image, colour, most=6):
     return (numpy.abs(image.astype(int) - colour) <= most).all(axis=2)
 
 
-def without_text(mask):
+def is_text(shape):
     """The node writes in the lines at the top, and the names of the structures at the bottom left."""
-    kept = mask.copy()
-    kept[:mask.shape[0] // 7] = False
-    kept[-mask.shape[0] // 12:, :mask.shape[1] // 4] = False
-    return kept
+    text = numpy.zeros(shape, bool)
+    text[:shape[0] // 7] = True
+    text[-shape[0] // 12:, :shape[1] // 4] = True
+    return text
+
+
+def without_text(mask):
+    return mask & ~is_text(mask.shape)
+
+
+def free_outline(mask):
+    """The outline of a region without text, but for where the text cuts it."""
+    points = outline(mask)
+    beside = is_text(mask.shape)
+    beside[1:] |= beside[:-1]
+    beside[:-1] |= beside[1:]
+    beside[:, 1:] |= beside[:, :-1]
+    x, y = points.astype(int).T
+    return points[~beside[y, x]]
 
 
 def regions(drawn, raw):
@@ -106,25 +127,34 @@ def regions(drawn, raw):
     return tumour, without_text(within | outside)
 
 
+def T_us_ct_of(path):
+    """4 x 4, mm, of an ITK transform file, which maps points of the ultrasound to the CT."""
+    numbers = [float(x) for x in re.search("^Parameters: (.*)$", path.read_text(), re.M).group(1).split()]
+    T_ct_us = numpy.eye(4)
+    T_ct_us[:3, :3], T_ct_us[:3, 3] = numpy.reshape(numbers[:9], (3, 3)), numbers[9:]
+    return numpy.linalg.inv(T_ct_us)
+
+
 class Case:
     """The truth of a case, and the error that a registration of it predicts."""
 
-    def __init__(self, folder, result):
+    def __init__(self, folder, result, truth):
         self.camera = Camera(folder / "endoscope/camera.yaml")
         self.video = json.loads((folder / "endoscope/endoscope.json").read_text())
         self.points_ct = tumour_points(folder)
         found = numpy.array(json.loads(pathlib.Path(result).read_text())["T_us_ct"]).reshape(4, 4)
-        truth = numpy.linalg.inv(self.itk_transform(folder / "truth.tfm"))
+        truth = T_us_ct_of(truth or folder / "truth.tfm")
         # By this the CT that was found lies off the true one, in coordinates of the CT.
         self.off = numpy.linalg.inv(truth) @ found
         self.tre_mm = numpy.linalg.norm(moved(self.off, self.points_ct) - self.points_ct, axis=1).mean()
 
-    @staticmethod
-    def itk_transform(path):
-        numbers = [float(x) for x in re.search("^Parameters: (.*)$", path.read_text(), re.M).group(1).split()]
-        T = numpy.eye(4)
-        T[:3, :3], T[:3, 3] = numpy.reshape(numbers[:9], (3, 3)), numbers[9:]
-        return T
+    def centre_of(self, points_mm, shape):
+        """The centre of points of the tumour in the image, without those under the text."""
+        pixels = self.camera.project(points_mm)
+        column, row = pixels.round().astype(int).T
+        inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+        seen = ~is_text(shape)[row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)] & inside
+        return pixels[seen].mean(axis=0)
 
     def compare(self, index, drawn, raw, truth):
         """Measures of one image of the left camera: drawn and raw as rows x columns x 3, the truth a mask."""
@@ -132,13 +162,14 @@ class Case:
         shift = numpy.array(self.video["frames"][index]["shift_ct_mm"])
         true_points = moved(T_left_ct, self.points_ct + shift)
         drawn_points = moved(T_left_ct, moved(self.off, self.points_ct))
-        predicted = (self.camera.project(drawn_points) - self.camera.project(true_points)).mean(axis=0)
         mm_per_px = true_points[:, 2].mean() / self.camera.focal.mean()
         tumour, band = regions(drawn, raw)
-        if not tumour.any() or not truth.any():
+        truth = without_text(truth)
+        drawn_outline, true_outline = free_outline(tumour), free_outline(truth)
+        if not len(drawn_outline) or not len(true_outline):
             return {"in_view": False}
-        drawn_outline, true_outline = outline(tumour), outline(truth)
         apart = numpy.concatenate((nearest(drawn_outline, true_outline), nearest(true_outline, drawn_outline)))
+        predicted = self.centre_of(drawn_points, truth.shape) - self.centre_of(true_points, truth.shape)
         measured = centre(tumour) - centre(truth)
         y, x = numpy.nonzero(band)
         covered = nearest(true_outline, numpy.column_stack((x, y)).astype(float)) <= TOUCHING_PX if len(x) else \
@@ -162,14 +193,14 @@ def summary(case, measures):
             "least_within_band": float(min(m["within_band"] for m in seen)), **means}
 
 
-def matched_images(times_s, record):
+def matched_images(times_s, record, shown):
     """Drawn and raw images, mask and index of the same stamps, in the order of time. The first mask to arrive must be
     that of the first time: this program is there before the video begins."""
     import rospy
     from sensor_msgs.msg import Image
     from us_ct_registration.msg import OverlayStatus
     topics = {"drawn": "/overlay_error/image", "raw": "/endoscope/left/image_raw",
-              "truth": "/truth/endoscope/left/tumour", "shown": "/overlay/image"}
+              "truth": "/truth/endoscope/left/tumour", "shown": shown}
     received = {kind: {} for kind in [*topics, "status"]}
 
     def subscribe(kind, topic, message_type):
@@ -196,6 +227,7 @@ def matched_images(times_s, record):
     refused = [m.message for m in received["status"].values() if m.state == OverlayStatus.NOTHING]
     if refused:
         print(f"{len(refused)} images without overlay: {refused[-1]}")
+    print("received: " + ", ".join(f"{len(messages)} {kind}" for kind, messages in received.items()))
     stamps = [stamp for stamp in sorted(received["drawn"]) if all(stamp in received[kind] for kind in needed) and
               received["status"][stamp].state != OverlayStatus.NOTHING]
     first = min(received["truth"], default=None)
@@ -209,20 +241,40 @@ def array_of(image):
 
 
 def offset_of_video(path):
-    """Seconds from the beginning of a bag to shortly before its video, for rosbag play --start."""
+    """Seconds from the beginning of a bag to some time before its video, for rosbag play --start."""
     import rosbag
     with rosbag.Bag(path) as bag:
         for _, _, time_of_video in bag.read_messages("/endoscope/left/camera_info"):
-            return time_of_video.to_sec() - bag.get_start_time() - 1.0
+            return time_of_video.to_sec() - bag.get_start_time() - BEFORE_VIDEO_S
     sys.exit(f"'{path}' has no video of an endoscope")
+
+
+def play(options):
+    """The player stands still until all who listen to it have connected: an image that is sent before reaches nobody."""
+    arguments = ["--clock", "--quiet", "--pause", "--start", f"{offset_of_video(options.bag):.3f}"]
+    if options.keep_alive:
+        arguments.append("--keep-alive")
+    else:
+        arguments += ["--duration", str(options.duration)]
+    player = subprocess.Popen(["rosbag", "play", *arguments, options.bag, f"__name:={PLAYER[1:]}"])
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, _: player.send_signal(number))
+    try:
+        ros_graph.wait_until_connected(PLAYER, *options.listener)
+        subprocess.run(["rosservice", "call", "--wait", PLAYER + "/pause_playback", "false"], check=True,
+                       stdout=subprocess.DEVNULL)
+    except (TimeoutError, subprocess.CalledProcessError) as error:
+        player.terminate()
+        sys.exit(f"{options.bag}: {error}")
+    sys.exit(player.wait())
 
 
 def measure(options):
     import rospy
-    case = Case(options.case, options.result)
+    case = Case(options.case, options.result, options.truth)
     times_s = [frame["time_s"] for frame in case.video["frames"]]
     rospy.init_node("overlay_error", anonymous=True)
-    images = matched_images(times_s, options.record)
+    images = matched_images(times_s, options.record, options.shown)
     if not images:
         sys.exit("the tumour was drawn into no image")
     measures = [case.compare(index, drawn, raw, truth) for drawn, raw, truth, index in images]
@@ -240,18 +292,24 @@ def measure(options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     tasks = parser.add_subparsers(dest="task", required=True)
-    start = tasks.add_parser("offset", help="prints where the video of a bag begins, for rosbag play --start")
-    start.add_argument("bag")
+    task = tasks.add_parser("play", help="replays the video of a bag, once all who listen are connected")
+    task.add_argument("bag")
+    task.add_argument("--listener", action="append", default=[], help="a node to wait for, or how its name begins")
+    end = task.add_mutually_exclusive_group(required=True)
+    end.add_argument("--duration", type=float, help="s, of the bag's time")
+    end.add_argument("--keep-alive", action="store_true", help="keeps the clock until it is ended")
+    task.set_defaults(function=play)
     task = tasks.add_parser("measure", help="measures while the bag plays; to be started before the video begins")
+    task.set_defaults(function=measure)
     task.add_argument("case", type=pathlib.Path, help="folder of usct phantom --endoscope, with segmentation.nrrd")
     task.add_argument("result", type=pathlib.Path, help="result of the registration, as demo_client.py writes it")
+    task.add_argument("--truth", type=pathlib.Path,
+                      help="truth in the frame of the result's ultrasound [CASE/truth.tfm]")
     task.add_argument("--output", type=pathlib.Path, help="measures as JSON")
-    task.add_argument("--record", type=pathlib.Path, help="bag to write with the images of overlay/image")
+    task.add_argument("--record", type=pathlib.Path, help="bag to write with the images that are shown")
+    task.add_argument("--shown", default="/overlay/image", help="their topic [/overlay/image]")
     options = parser.parse_args()
-    if options.task == "offset":
-        print(f"{offset_of_video(options.bag):.3f}")
-    else:
-        measure(options)
+    options.function(options)
 
 
 if __name__ == "__main__":

@@ -21,11 +21,12 @@ FRAMES = 6
 HELD = 0.995
 
 
-def measured(seed, shift_mm):
+def measured(seed, shift_mm, breathing_mm):
     with tempfile.TemporaryDirectory(prefix="usct_overlay_") as folder:
         folder = pathlib.Path(folder)
         case = overlay_case.OverlayCase(folder, "--seed", str(seed), "--endoscope-frames", str(FRAMES),
-                                        "--endoscope-rate", "2", shift_mm=shift_mm)
+                                        "--endoscope-rate", "2", "--endoscope-breathing-mm", str(breathing_mm),
+                                        shift_mm=shift_mm)
         system = test_replay.System(folder, case)
         try:
             overlay_case.start(system)
@@ -41,13 +42,15 @@ def main():
     parser.add_argument("--seeds", type=int, default=10, help="number of phantoms [10]")
     parser.add_argument("--first-seed", type=int, default=101, help="[101]")
     parser.add_argument("--shift", type=float, default=5.0, help="error of the start along each axis, mm [5]")
+    parser.add_argument("--breathing", type=float, default=0.0,
+                        help="peak-to-peak motion of the anatomy during the video, mm [0]")
     parser.add_argument("--output", type=pathlib.Path, help="all measures, JSON")
     options = parser.parse_args()
     print("| seed | TRE at the tumour, mm | outlines apart, px | mm | displaced, px | predicted, px | not explained, px "
           "| least share of the outline within the band |\n|---|---|---|---|---|---|---|---|", flush=True)
     results = {}
     for seed in range(options.first_seed, options.first_seed + options.seeds):
-        results[seed] = m = measured(seed, options.shift)
+        results[seed] = m = measured(seed, options.shift, options.breathing)
         if m is None:
             print(f"| {seed} | refused | | | | | | |", flush=True)
             continue

@@ -1,8 +1,3 @@
-#include "ros/fusion_view.h"
-
 #include "ros/node_main.h"
 
-int main(int argc, char** argv) {
-  return usct::ros_interface::run_node<usct::ros_interface::FusionViewNode>(argc, argv,
-                                                                            "fusion_view");
-}
+int main(int argc, char** argv) { return usct::ros_interface::run_node(argc, argv, "fusion_view"); }

@@ -1,5 +1,7 @@
 #include "ros/ct_server.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <utility>
@@ -20,6 +22,12 @@ namespace {
 namespace fs = std::filesystem;
 namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
+
+/// Gives free memory back to the system when it is destroyed. The heap of each thread would keep
+/// what a load frees: after some loads, several times the memory of the CT.
+struct MemoryReturned {
+  ~MemoryReturned() { malloc_trim(0); }
+};
 
 /// An error of the core about a file, without names that callers may not be told.
 InputError retold(const std::exception& error, const fs::path& path, const std::string& given) {
@@ -135,7 +143,10 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
   for (std::string& warning : loaded.ct.warnings) warning = without_names(warning, ct_path, path);
   loaded.has_labels = !labels.empty();
   if (loaded.has_labels) {
-    loaded.surfaces = label_surfaces(read_labels(labels, loaded.ct.whole_grid), surface_triangles_);
+    const LabelVolume volume = read_labels(labels, loaded.ct.whole_grid);
+    loaded.surfaces = label_surfaces(volume, surface_triangles_);
+    if (const std::string warning = border_warning(volume, label_table_); !warning.empty())
+      loaded.ct.warnings.push_back(warning);
     for (const auto& [label, surface] : loaded.surfaces)
       if (surface.triangles.empty())
         loaded.ct.warnings.push_back(
@@ -151,6 +162,7 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
 msg::StatusCode CtServer::load(const std::string& path, const std::string& labels) {
   const std::unique_lock<std::mutex> loading(loading_, std::try_to_lock);
   if (!loading) return status(Code::BUSY, "another CT is being loaded");
+  const MemoryReturned at_end;
   msg::StatusCode answer;
   try {
     const Loaded loaded = read(path, labels, selection());

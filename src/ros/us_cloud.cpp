@@ -180,8 +180,12 @@ void UsCloud::show_ct() {
   show_refused();
 }
 
+std::string UsCloud::cloud_frame() const {
+  return fixed_frame_.empty() && shown_ ? shown_->header.frame_id : fixed_frame_;
+}
+
 void UsCloud::show_proposed() {
-  visualization_msgs::MarkerArray markers = placed({}, "", std::nullopt, 0.0);
+  visualization_msgs::MarkerArray markers = placed({}, cloud_frame(), std::nullopt, 0.0);
   const bool is_of_another_ct = ct_ && proposed_ && proposed_->ct_crc32 != ct_crc32_;
   if (surface_ && proposed_ && proposed_->T_fixed_ct && !is_of_another_ct) {
     ProposedAlignment shown{proposed_->fixed_frame, *proposed_->T_fixed_ct, proposed_->message, {}};
@@ -194,7 +198,8 @@ void UsCloud::show_proposed() {
 void UsCloud::show_aligned() {
   if (surface_ && placement_)
     surface_publisher_.publish(
-        placed(*surface_, placement_->fixed_frame, placement_->T_fixed_ct, surface_alpha_));
+        placed(*surface_, placement_->T_fixed_ct ? placement_->fixed_frame : cloud_frame(),
+               placement_->T_fixed_ct, surface_alpha_));
   if (!shown_) return;
   std::vector<CloudPoint> points;
   if (ct_ && placement_ && placement_->T_fixed_ct && placement_->ct_crc32 == ct_crc32_ &&
@@ -206,7 +211,7 @@ void UsCloud::show_aligned() {
 void UsCloud::show_refused() try {
   if (!shown_) return;
   std::vector<CloudPoint> points;
-  visualization_msgs::MarkerArray markers = placed({}, "", std::nullopt, 0.0);
+  visualization_msgs::MarkerArray markers = placed({}, cloud_frame(), std::nullopt, 0.0);
   if (refused_ && refused_->us_stamp == shown_->header.stamp && ct_ &&
       refused_->ct_crc32 == ct_crc32_) {
     const Eigen::Isometry3d T_cloud_ct =

@@ -67,6 +67,8 @@ class UsCloud {
   /// does. Throws Refusal.
   void follow_frames(const us_ct_registration::PreScanVolume& message,
                      const Eigen::Isometry3d& T_fixed_us, BeamGrid& beams) const;
+  /// The frame of clouds and markers; empty without a fixed frame until ultrasound arrives.
+  std::string cloud_frame() const;
   /// Publishes what is known of the CT: where the alignment has it, and where a refused
   /// registration had its best candidate.
   void show_ct();

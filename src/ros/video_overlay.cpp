@@ -6,6 +6,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/overlay/scene_topics.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -69,7 +70,7 @@ VideoOverlay::VideoOverlay(const ::ros::NodeHandle& node, const ::ros::NodeHandl
   parameters.finish();
   keeper_ = std::make_unique<OverlaySceneKeeper>(scene_options_);
   tf_input_ = std::make_unique<TfInput>(tf_, node_);
-  subscribe_to_scene();
+  subscribers_ = subscribe_to_scene(node_, *keeper_);
   status_publisher_ = node_.advertise<msg::OverlayStatus>("overlay/status", 10);
   diagnostics_.setHardwareID("none");
   sides_ = is_stereo_ ? std::vector<std::string>{"left", "right"} : std::vector<std::string>{""};
@@ -100,29 +101,6 @@ void VideoOverlay::read_parameters(Parameters& parameters) {
   painting_.drawing.hidden_depth_mm =
       kMmPerM * parameters.number("hidden_depth", 0.015, 1e-4, 10.0);
   painting_.drawing.band_opacity = parameters.number("band_opacity", 0.3, 0.0, 1.0);
-}
-
-void VideoOverlay::subscribe_to_scene() {
-  const auto take = [this](auto taker) {
-    return [this, taker](const auto& message) {
-      try {
-        (keeper_.get()->*taker)(*message);
-      } catch (const InputError& error) {
-        ROS_ERROR("%s", error.what());
-      }
-    };
-  };
-  const auto subscribe = [&](const char* topic, auto type, auto taker) {
-    using Message = decltype(type);
-    subscribers_.push_back(node_.subscribe<Message>(
-        topic, 5, boost::function<void(const boost::shared_ptr<const Message>&)>(take(taker))));
-  };
-  subscribe("ct/info", msg::CtInfo(), &OverlaySceneKeeper::take_info);
-  subscribe("ct/surface", visualization_msgs::MarkerArray(), &OverlaySceneKeeper::take_surface);
-  subscribe("registration/alignment", msg::Alignment(), &OverlaySceneKeeper::take_alignment);
-  subscribe("registration/pose", geometry_msgs::PoseWithCovarianceStamped(),
-            &OverlaySceneKeeper::take_pose);
-  subscribe("registration/result", msg::RegistrationResult(), &OverlaySceneKeeper::take_result);
 }
 
 void VideoOverlay::add_camera(const std::string& side, const OverlayPainterOptions& painting) {
@@ -159,7 +137,8 @@ void VideoOverlay::complete(std::size_t eye, OverlayJob& job) const {
 std::string VideoOverlay::out_of_step(std::size_t eye) const {
   const std::deque<::ros::Time> own = cameras_[eye]->newest_stamps();
   const std::deque<::ros::Time> other = cameras_[1 - eye]->newest_stamps();
-  if (own.size() < 2) return {};
+  // Images are received only while somebody looks at them.
+  if (own.size() < 2 || !cameras_[1 - eye]->report().is_subscribed) return {};
   if (other.empty())
     return std::string("OUT OF STEP: no image of the ") + sides_[1 - eye] + " camera";
   // The partner of the newest image may be on its way.

@@ -28,7 +28,6 @@ class VideoOverlay {
   enum Eye { kLeft = 0, kRight = 1 };
 
   void read_parameters(Parameters& parameters);
-  void subscribe_to_scene();
   void add_camera(const std::string& side, const OverlayPainterOptions& painting);
   /// Says how the images of a camera are projected, and whether a stereo pair is out of step.
   void complete(std::size_t eye, OverlayJob& job) const;

@@ -127,6 +127,10 @@ void add_anatomy_knobs(CLI::App& app, PhantomCommand& command) {
       ->capture_default_str();
   group->add_option("--bubbles", o.bubbles, "gas bubbles of 0.2-0.8 mm radius at the kidney")
       ->capture_default_str();
+  group
+      ->add_option("--ball-diameter", o.ball_diameter_mm,
+                   "of the four steel balls of the scene agar, mm")
+      ->capture_default_str();
   group->add_option("--standoff", o.standoff_mm, "gel between array and skin, mm [by scene]");
   group->add_option("--indentation", o.indentation_mm,
                     "how deep the probe presses the skin in, mm [agar 0, else 4]");

@@ -3,13 +3,16 @@
 #include <filesystem>
 #include <vector>
 
-#include "us_ct_registration/evaluation/study.h"
+#include "us_ct_registration/evaluation/study_report.h"
 
 namespace usct::tools {
 
-/// For the worst run of each group, writes the pictures of the registration into a folder below
-/// `folder` that is named after the group, `worst_GROUP`. Creates the folders.
-void write_study_pictures(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
-                          const std::filesystem::path& folder);
+/// Draws the worst run of each method and group into `folder/METHOD/worst_GROUP/`, or
+/// `folder/worst_GROUP/` if the study has a single method, and tells where. The worst run is the
+/// accepted one with the largest error, or one that must have been refused. The folder is made if
+/// it is missing.
+std::vector<StudyPicture> write_study_pictures(const Study& study, const CaseSource& cases,
+                                               const std::vector<StudyRun>& runs,
+                                               const std::filesystem::path& folder);
 
 }  // namespace usct::tools

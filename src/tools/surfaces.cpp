@@ -58,8 +58,10 @@ void write(const Surface& surface, const std::string& name,
 void write_labels(const SurfacesCommand& command) {
   const LabelTable table =
       command.label_table.empty() ? LabelTable{} : read_label_table(command.label_table);
-  const auto surfaces =
-      label_surfaces(read_volume<std::uint16_t>(command.labels), command.triangles);
+  const auto labels = read_volume<std::uint16_t>(command.labels);
+  const auto surfaces = label_surfaces(labels, command.triangles);
+  if (const std::string warning = border_warning(labels, table); !warning.empty())
+    std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
   if (surfaces.empty()) throw InputError(command.labels, "has no voxel with a label");
   for (const auto& [label, surface] : surfaces) {
     if (surface.triangles.empty()) {

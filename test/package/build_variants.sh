@@ -27,7 +27,7 @@ use_from() {  # use_from PREFIX: builds and runs the downstream package against 
   cmake --build "$work/downstream"
   LD_LIBRARY_PATH="$1/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" "$work/downstream/downstream"
   "$1/bin/usct" --help > /dev/null
-  "$(find "$1/lib" "$1/share" -name plot_study -perm /u+x)" --help > /dev/null
+  "$(find "$1/lib" "$1/share" -name study_report -perm /u+x)" --help > /dev/null
   if [[ $variant == core_only ]]; then
     ! "$1/bin/usct" bag --help 2> "$work/refusal"
     grep 'built without ROS' "$work/refusal"

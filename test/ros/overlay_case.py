@@ -47,17 +47,16 @@ def register(system):
     return test_replay.run(["rosservice", "call", "/register"], system.environment)
 
 
-def measure(system):
-    """Replays the video: the measures of scripts/overlay_error.py."""
+def measure(system, *options):
+    """Replays the video: the measures of scripts/overlay_error.py, with its options."""
     folder, case = system.folder, system.acquisition.case
     system.client("result", folder / "result.json")
     system.stop("player")
     bag = str(system.acquisition.folder / f"{system.acquisition.start_s}.bag")
-    offset = test_replay.run([*OVERLAY_ERROR, "offset", bag], system.environment).strip()
     measuring = subprocess.Popen([*OVERLAY_ERROR, "measure", str(case), str(folder / "result.json"), "--output",
-                                  str(folder / "measures.json")], env=system.environment, text=True,
+                                  str(folder / "measures.json"), *map(str, options)], env=system.environment, text=True,
                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    system.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", "--start", offset, bag)
+    system.start("player", *OVERLAY_ERROR, "play", bag, "--keep-alive", "--listener", "/overlay_error_")
     printed, _ = measuring.communicate(timeout=test_replay.LIMIT_S)
     if measuring.returncode != 0:
         raise AssertionError(printed)

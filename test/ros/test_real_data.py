@@ -11,14 +11,13 @@ import tempfile
 import time
 import unittest
 
-import live_video
 import numpy
 import real_sweeps
 import rosbag
 import yaml
 from node_under_test import has_failed, unitrun
 from sensor_msgs.msg import PointField
-from test_replay import POSES, PROJECT, Acquisition, Recording, System, initial_of, run, usct, wait_for
+from test_replay import POSES, PROJECT, Acquisition, Recording, System, initial_of, live_video, run, usct, wait_for
 from us_ct_registration.msg import StatusCode
 
 DATA = pathlib.Path(os.environ.get("USCT_TEST_DATA", PROJECT / "../shared/data")).resolve()

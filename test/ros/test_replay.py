@@ -15,7 +15,6 @@ import sys
 import tempfile
 import unittest
 
-import live_video
 import numpy
 import rosbag
 import rosunit
@@ -23,10 +22,12 @@ import yaml
 from us_ct_registration.msg import StatusCode
 from visualization_msgs.msg import Marker
 
+PROJECT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(PROJECT / "scripts"))
+import live_video
 import node_under_test
 from node_under_test import PACKAGE
 
-PROJECT = pathlib.Path(__file__).resolve().parents[2]
 CLIENT = [sys.executable, str(PROJECT / "scripts/demo_client.py")]
 LIMIT_S = 180.0
 NODES = ("us_ingest", "ct_server", "registration", "tf_publisher")

@@ -1,63 +1,70 @@
 #pragma once
 
-#include <Eigen/Geometry>
-#include <functional>
+#include <cstddef>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/evaluation/trials.h"
-#include "us_ct_registration/geometry/target_errors.h"
-#include "us_ct_registration/progress.h"
-#include "us_ct_registration/registration/registration_result.h"
+#include "us_ct_registration/evaluation/study_run.h"
+#include "us_ct_registration/registration/registration_options.h"
 
-/// A study: many registrations of cases with known truth, and their errors. study_statistics.h and
-/// study_report.h make tables of it.
+/// A study: cases with known truth, each registered by several methods from many starts.
+/// study_work.h carries it out; study_statistics.h and study_report.h make tables of its runs.
 namespace usct {
 
-/// Errors of one pose at the targets of a case.
-struct PoseErrors {
-  /// Against the truth of the case, which is the best rigid fit of its targets.
-  TargetErrors rigid;
-  /// Distances of the targets themselves. Where the kidney deformed they include what no rigid pose
-  /// can remove; where it did not, or nothing is known of it, they equal `rigid`.
-  TargetErrors physical;
+/// A way to register.
+struct StudyMethod {
+  /// Unique in the study; letters, digits, '_', '-', '.', and '+'.
+  std::string name;
+  RegistrationOptions options;
+  /// If set, the scan-converted ultrasound is registered, along parallel beams on a grid of this
+  /// spacing (the thesis' variant A).
+  std::optional<double> parallel_beams_mm;
 };
 
-/// A trial and its result.
-struct StudyRun {
+/// The registration that the method stands for.
+Register registers_with(const StudyMethod& method);
+
+struct Study {
+  /// Folders as `usct phantom` writes them, and folders of which only the CT is used; see
+  /// read_study_case and read_stranger.
+  std::vector<std::filesystem::path> cases;
+  std::vector<std::filesystem::path> strangers;
+  std::vector<StudyMethod> methods;
+  StudyOptions starts;
+  /// A run has succeeded if it was accepted with a TRE below this, mm; > 0.
+  double success_mm = 5.0;
+  StudyThreads how = StudyThreads::kOverTrials;
+
+  /// Throws InputError, naming `source`, if an option is invalid, there is no method, or a name is
+  /// invalid or not unique.
+  void validate(const std::string& source = "study") const;
+};
+
+/// One registration of a study.
+struct PlannedRun {
+  std::size_t method = 0;
   Trial trial;
-  std::string case_name;
-  std::string group;
-  std::string ct_case_name;
-  RegistrationResult result;
-  /// Errors at the start, of the pose if it was accepted, and of every candidate; none without
-  /// truth.
-  std::optional<PoseErrors> before;
-  std::optional<PoseErrors> after;
-  std::vector<PoseErrors> candidates;
-  /// Errors that the covariance of an accepted result predicts.
-  std::optional<ExpectedTargetErrors> expected;
-
-  bool accepted() const { return result.T_us_ct.has_value(); }
-  /// Wall time of the registration without files: the "total" of the result if it has one, else the
-  /// sum of its steps.
-  double seconds() const;
+  /// 16 hexadecimal digits that differ if anything differs that determines the result: the images,
+  /// truth and targets of the case, the start, the options, or the version of this package; and
+  /// StudyThreads, which times depend on.
+  std::string fingerprint;
 };
 
-using Register = std::function<RegistrationResult(const PreScanVolume&, const CtVolume&,
-                                                  const Eigen::Isometry3d& T_us_ct_initial)>;
-
-enum class StudyThreads {
-  kOverTrials,   // each registration on one thread: most registrations per hour
-  kWithinTrial,  // one registration after the other, each on all threads: comparable times
+/// All registrations of a study, in order: by case, method, kind, seed and number of the start.
+struct StudyPlan {
+  Study study;
+  /// The cases, then the strangers; without voxels.
+  std::vector<StudyCase> cases;
+  std::vector<PlannedRun> runs;
 };
 
-/// Runs all trials on `threads` threads (>= 1). The runs have the order of the trials and, if
-/// `register_one` is a pure function, do not depend on the number of threads except for their
-/// times. An exception of `register_one` ends the study.
-std::vector<StudyRun> run_trials(const std::vector<StudyCase>& cases,
-                                 const std::vector<Trial>& trials, const Register& register_one,
-                                 StudyThreads how, int threads, const Progress& progress = {});
+/// Reads every case once, one after the other. Throws InputError if the study is invalid, as
+/// `read_study_case`, and as `plan_trials`.
+StudyPlan plan_study(const Study& study);
+
+/// Reads cases of the study when they are asked for, and holds those that were asked for last.
+CaseSource case_reader(const Study& study);
 
 }  // namespace usct

@@ -1,44 +1,40 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/evaluation/study.h"
-#include "us_ct_registration/ultrasound/ultrasound_beams.h"
+#include "us_ct_registration/evaluation/study_tables.h"
 
-/// Reports of a study: Markdown for people, JSON for programs.
+/// Files of a study: Markdown for people, JSON for programs.
 namespace usct {
 
-/// Markdown tables of the runs from starts near the truth, by group: errors, rates, time, and
-/// success by displacement of the start.
-std::string accuracy_markdown(const std::vector<StudyRun>& runs,
-                              const std::vector<double>& bin_edges_mm);
+/// A picture of a run, in a folder as `usct study --pictures` writes it.
+struct StudyPicture {
+  std::string method;
+  std::string group;
+  std::string case_name;
+  std::string kind;
+  int start = 0;
+  std::filesystem::path folder;
+};
 
-/// Table per case, as tables 5.1 and 5.2 of the thesis: mean and deviation of the error of the runs
-/// that converged, size and spacing of the ultrasound as it was registered (along `beams`), time
-/// per run; and, as in the text of the thesis, the number of runs and the share that converged.
-std::string thesis_markdown(const std::vector<StudyCase>& cases, const std::vector<StudyRun>& runs,
-                            const BeamOptions& beams = {});
+/// Markdown of the tables, each below its title.
+std::string tables_markdown(const std::vector<Table>& tables);
 
-/// Table of negative trials, by kind; empty if there is none.
-std::string negatives_markdown(const std::vector<StudyRun>& runs);
+/// `{"version", "study": {...}, "tables": [...], "pictures": [...], "runs": [...]}`: of the study
+/// `cases`, `strangers`, `methods` (with every option as text), `starts`, `success_mm` and
+/// `one_at_a_time`; the tables with `title`, `header`, `rows` and `note`; the pictures with their
+/// folders, as seen from the file; the runs in the order of the plan. docs/studies.md lists the
+/// keys of a run. Unknown values are null. Writes atomically; throws InputError if the folder
+/// cannot be written to.
+void write_study_json(const Study& study, const std::vector<StudyRun>& runs,
+                      const std::vector<StudyPicture>& pictures, const std::filesystem::path& path);
 
-/// Table of expected against physical errors; one line if no run has both.
-std::string calibration_markdown(const std::vector<StudyRun>& runs);
-
-/// `{"version", "study": {...}, "runs": [...]}`, `study` as given; each run with `case`, `group`,
-/// `ct_case`, `kind`, `start` (its number), `displacement_mm`, `T_us_ct_initial` (16 numbers, row
-/// by row), `before_tre_mm` and `tre_mm` (against the rigid truth; objects with `mean`, `rms`,
-/// `median`, `max`), `before_physical_mm` and `physical_mm` (the same of the physical errors),
-/// `expected_tre_mm` (`rms`, `max`), `candidates` (`similarity`, `overlap`, `tre_mm`,
-/// `physical_mm`), and of its result `status`, `message`, `T_us_ct`, `similarity`, `overlap`,
-/// `evaluations`, `measures`, `seconds` by stage, `options`.
-/// Unknown values are null. Writes atomically; throws InputError if the folder cannot be written
-/// to.
-void write_study_json(const std::vector<StudyRun>& runs,
-                      const std::map<std::string, std::string>& study,
-                      const std::filesystem::path& path);
+/// Writes `tables.md`, which the runs determine, `costs.md`, the times and memory of them, and
+/// `study.json` into the folder, each atomically. Throws as above.
+void write_study_report(const Study& study, const std::vector<StudyRun>& runs,
+                        const std::vector<StudyPicture>& pictures,
+                        const std::filesystem::path& folder);
 
 }  // namespace usct

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/evaluation/study.h"
+#include "us_ct_registration/evaluation/study_run.h"
 
 /// Statistics of the runs of a study. Errors are means over the targets of a case, in mm, against
 /// the rigid truth unless they are called physical.
@@ -21,9 +21,14 @@ struct Spread {
   double median = 0.0;
   /// Sample standard deviation (denominator count - 1).
   double deviation = 0.0;
+  double percentile_95 = 0.0;
   double max = 0.0;
 };
 Spread spread_of(std::vector<double> values);
+
+/// The value below which `share` (in [0, 1]) of the rising, non-empty values lie, interpolated
+/// linearly between the two next ones (type 7 of Hyndman and Fan 1996, the default of R and numpy).
+double quantile(const std::vector<double>& rising, double share);
 
 /// Rank correlation; equal values share their mean rank. NaN for fewer than two pairs, or if all
 /// values of one sequence are equal. Throws InputError if the numbers of values differ.

@@ -46,7 +46,9 @@ struct Trial {
   /// Indices of the cases that give the ultrasound and the CT.
   std::size_t us_case = 0;
   std::size_t ct_case = 0;
-  /// Number of the trial among those of its kind and case.
+  /// The one of StudyOptions::seeds, and the number of the trial among those of its kind, case and
+  /// this seed.
+  std::uint32_t study_seed = 0;
   int index = 0;
   /// Seed of all random numbers of the trial.
   std::uint64_t seed = 0;
@@ -57,7 +59,7 @@ struct Trial {
 };
 
 struct StudyOptions {
-  /// Number of trials per case and kind; >= 1.
+  /// Number of trials per case, kind and seed; >= 1.
   int starts = 9;
   /// Range of the mean displacement of the targets at the start; starts are spread evenly over its
   /// bins.
@@ -74,30 +76,32 @@ struct StudyOptions {
   double far_min_mm = 60.0;
   double far_max_mm = 100.0;
   double gap_mm = 150.0;
-  std::uint64_t seed = 1;
+  /// Seeds of the starts, each at most once; not empty.
+  std::vector<std::uint32_t> seeds{1};
 
   /// Throws InputError, naming `source`, the field, its value and the constraint.
   void validate(const std::string& source = "study options") const;
 };
 
-/// All trials of the cases that are no strangers, case by case and kind by kind. The trials of a
-/// case do not depend on the other cases, except for the CT of mismatched trials and strangers.
-/// These CTs come in turn, strangers beginning with one that the seed and the case choose.
+/// All trials of the cases that are no strangers, by case, kind, seed and number. They need no
+/// voxels of the cases. The trials of a case do not depend on the other cases, except for the CT of
+/// mismatched trials and strangers. These CTs come in turn, strangers beginning with one that the
+/// seed and the case choose.
 ///
 /// Throws InputError if an option is invalid, there is no case, two cases have the same name, a
 /// group has a single case (for mismatched trials), or there are strangers without that kind or
 /// that kind without strangers.
 std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyOptions& options);
 
-/// The ultrasound of a trial: of its case, reversed, or noise.
-PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial& trial);
+/// The ultrasound of a trial, made of that of the case `own`: as it is, reversed, or noise.
+PreScanVolume trial_ultrasound(const StudyCase& own, const Trial& trial);
 
-/// The CT of a trial if it is an altered one, mirrored or with exchanged axes; else none, and the
-/// CT is that of `ct_case` as it is.
-std::optional<CtVolume> altered_ct(const std::vector<StudyCase>& cases, const Trial& trial);
+/// The CT of a trial, made of that of `ct_case`, if it is an altered one, mirrored or with
+/// exchanged axes; else none, and the CT is that of `ct_case` as it is.
+std::optional<CtVolume> altered_ct(const StudyCase& ct_case, const Trial& trial);
 
-/// Maps the US frame of the trial's case to where the ultrasound of the trial shows it: half a turn
+/// Maps the US frame of the case `own` to where the ultrasound of the trial shows it: half a turn
 /// of the probe, else the identity.
-Eigen::Isometry3d T_shown_us(const std::vector<StudyCase>& cases, const Trial& trial);
+Eigen::Isometry3d T_shown_us(const StudyCase& own, const Trial& trial);
 
 }  // namespace usct

@@ -38,6 +38,8 @@ struct AnatomyOptions {
   double tissue_variation = 0.0;
   /// Gas bubbles of 0.2-0.8 mm radius at the kidney; [0, 200].
   int bubbles = 3;
+  /// Diameter of the four steel balls of the agar scene, mm; [0.5, 4].
+  double ball_diameter_mm = 1.0;
   /// Standoff (gel) between array and skin or agar, mm; [0, 30]. Unset: 1 mm on agar, 3-9 mm on a
   /// patient, by seed.
   std::optional<double> standoff_mm;

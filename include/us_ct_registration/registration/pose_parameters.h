@@ -33,6 +33,10 @@ class PoseParameters {
                  const std::vector<Eigen::Vector3d>& points_us_mm);
 
   Eigen::Isometry3d T_us_ct(const PoseVector& parameters) const;
+  /// The derivative of the motion by the parameters: a small change x of them moves the points of
+  /// the CT in the US frame by the rotation vector (rad) and the translation (mm) `derivative * x`,
+  /// the rotation about the origin of the US frame.
+  Eigen::Matrix<double, 6, 6> motion_derivative(const PoseVector& parameters) const;
   PoseVector parameters_of(const Eigen::Isometry3d& T_us_ct) const;
   /// The numbers of the motion with rotation vector w about the centre and translation t.
   PoseVector parameters_of_motion(const Eigen::Vector3d& rotation_vector_rad,

@@ -78,7 +78,7 @@ using OverlayCoverage = std::vector<std::size_t>;
 class OverlayRenderer {
  public:
   static constexpr double kNearestMm = 1.0;
-  static constexpr double kLongestEdgePx = 24.0;
+  static constexpr double kLongestEdgePx = 32.0;
 
   /// Throws InputError if an option is invalid.
   explicit OverlayRenderer(const OverlayOptions& options = {});

@@ -5,8 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <string>
 #include <vector>
 
+#include "us_ct_registration/io/volumes/label_table.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct {
@@ -26,6 +28,10 @@ struct Surface {
 /// surface is empty if it cannot be decimated that far. Smoothing shrinks structures of less than
 /// about five voxels across. Throws InputError if `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
+
+/// A sentence that names the labels with voxels on the border of the volume: what they mark may go
+/// on beyond it, and its surface ends in a plane there. Empty if there are none.
+std::string border_warning(const LabelVolume& labels, const LabelTable& table);
 
 /// The surface of the voxels of the CT above `hu`, made in the same way, but smoothed only if it is
 /// decimated.

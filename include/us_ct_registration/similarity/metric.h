@@ -16,7 +16,8 @@
 /// and `make(SimilarityImages&, const M's options&)` makes the similarity. catalogue.h lists them.
 namespace usct {
 
-/// The images that a metric needs, and the AcquisitionErrors that it can follow.
+/// The images that a metric needs, the AcquisitionErrors that it can follow, and whether it has
+/// derivatives.
 struct SimilarityNeeds {
   /// Ultrasound cut into patches, and the CT averaged to the level's spacing and packed.
   bool patches = false;
@@ -26,6 +27,8 @@ struct SimilarityNeeds {
   bool beams = false;
   bool follows_depth_error = false;
   bool follows_sweep_error = false;
+  /// Whether Similarity::derivatives gives any.
+  bool has_derivatives = false;
 };
 
 }  // namespace usct

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "us_ct_registration/progress.h"
@@ -33,6 +34,22 @@ struct SimilarityValue {
   double overlap = 0.0;
 };
 
+/// A similarity near a pose to second order, as a function of a small motion of the ultrasound's
+/// samples in the US frame: a rotation vector (rad) about its origin, and a translation (mm).
+struct SimilarityDerivatives {
+  using Vector = Eigen::Matrix<double, 6, 1>;
+  using Matrix = Eigen::Matrix<double, 6, 6>;
+
+  SimilarityValue value;
+  Vector gradient = Vector::Zero();
+  /// An approximation of the negative second derivative, positive semidefinite; 0 if it was not
+  /// asked for.
+  Matrix curvature = Matrix::Zero();
+};
+
+/// The derivatives that are computed; the curvature costs more.
+enum class DerivativeOrder { kGradient, kCurvature };
+
 /// The similarity of a CT and ultrasound as a function of the pose. Both images and all options are
 /// fixed when it is made (see catalogue.h). All functions may be called from several threads at
 /// once, and always give the same bits for the same pose.
@@ -45,6 +62,13 @@ class Similarity {
   /// pose, from several threads, and may throw to cancel.
   virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                         const Check& check) const = 0;
+
+  /// Value and derivatives at a pose, of a similarity that has derivatives
+  /// (SimilarityNeeds::has_derivatives). The threads share the patches.
+  virtual std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& /*pose*/,
+                                                           DerivativeOrder /*order*/) const {
+    return std::nullopt;
+  }
 
   /// Contributions of the parts of the ultrasound (patches) at a pose; the value is their sum. A
   /// similarity that is not a sum has one part.

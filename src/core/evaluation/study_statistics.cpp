@@ -131,19 +131,25 @@ CalibrationBin calibration_bin(double low_mm, double high_mm, const std::vector<
 }  // namespace
 
 Spread spread_of(std::vector<double> values) {
-  Spread spread{values.size(), kNaN, kNaN, kNaN, kNaN};
+  Spread spread{values.size(), kNaN, kNaN, kNaN, kNaN, kNaN};
   if (values.empty()) return spread;
   std::sort(values.begin(), values.end());
-  const std::size_t middle = values.size() / 2;
   spread.mean = mean_of(values);
-  spread.median =
-      values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
+  spread.median = quantile(values, 0.5);
+  spread.percentile_95 = quantile(values, 0.95);
   spread.max = values.back();
   if (values.size() == 1) return spread;
   double squares = 0.0;
   for (const double value : values) squares += (value - spread.mean) * (value - spread.mean);
   spread.deviation = std::sqrt(squares / static_cast<double>(values.size() - 1));
   return spread;
+}
+
+double quantile(const std::vector<double>& rising, double share) {
+  const double place = share * static_cast<double>(rising.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, rising.size() - 1);
+  return rising[below] + (place - static_cast<double>(below)) * (rising[above] - rising[below]);
 }
 
 double spearman_correlation(const std::vector<double>& a, const std::vector<double>& b) {

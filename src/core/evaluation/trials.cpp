@@ -67,6 +67,19 @@ void require_cases(const std::vector<StudyCase>& cases, const std::vector<TrialK
     throw InputError("strangers", "there are 0, must be at least 1 for trials of kind 'stranger'");
 }
 
+/// Throws InputError unless there are values, which all differ.
+template <typename T, typename NameOf>
+void require_each_once(const std::vector<T>& values, const std::string& source, const char* key,
+                       const NameOf& name_of) {
+  const std::string list = std::string("'") + key + "' ";
+  if (values.empty()) throw InputError(source, list + "is empty, must have at least 1");
+  std::set<T> seen;
+  for (const T& value : values)
+    if (!seen.insert(value).second)
+      throw InputError(source,
+                       list + "has '" + name_of(value) + "' twice, must have each at most once");
+}
+
 /// The other cases of its group, beginning with the next one.
 std::vector<std::size_t> others_of_group(const std::vector<StudyCase>& cases, std::size_t own) {
   std::vector<std::size_t> others;
@@ -85,10 +98,10 @@ std::vector<std::size_t> others_of_group(const std::vector<StudyCase>& cases, st
 class Planner {
  public:
   Planner(const std::vector<StudyCase>& cases, std::size_t own, TrialKind kind,
-          const StudyOptions& options)
-      : cases_(cases), own_(own), kind_(kind), options_(options) {
+          std::uint32_t study_seed, const StudyOptions& options)
+      : cases_(cases), own_(own), kind_(kind), study_seed_(study_seed), options_(options) {
     const auto purpose = static_cast<std::uint64_t>(kind);
-    seed_ = phantom::hash(phantom::hash(options.seed, hash_of(cases[own].name)), purpose);
+    seed_ = phantom::hash(phantom::hash(study_seed, hash_of(cases[own].name)), purpose);
     const bool far = kind == TrialKind::kFarStart;
     displacements_mm_ = spread_displacements_mm(
         seed_, options.starts, far ? options.far_min_mm : options.min_displacement_mm,
@@ -106,6 +119,7 @@ class Planner {
     Trial trial;
     trial.kind = kind_;
     trial.us_case = trial.ct_case = own_;
+    trial.study_seed = study_seed_;
     trial.index = index;
     trial.seed = phantom::hash(seed_, static_cast<std::uint64_t>(index));
     const StudyCase& own = cases_[own_];
@@ -136,6 +150,7 @@ class Planner {
   const std::vector<StudyCase>& cases_;
   std::size_t own_;
   TrialKind kind_;
+  std::uint32_t study_seed_;
   const StudyOptions& options_;
   std::uint64_t seed_ = 0;
   std::vector<double> displacements_mm_;
@@ -188,12 +203,9 @@ void StudyOptions::validate(const std::string& source) const {
           "finite and >= far_min_mm");
   require_positive(source, "gap_mm", gap_mm);
   if (box) box->validate(source);
-  if (kinds.empty()) throw InputError(source, "'kinds' is empty, must have at least 1");
-  std::set<TrialKind> seen;
-  for (const TrialKind kind : kinds)
-    if (!seen.insert(kind).second)
-      throw InputError(source, std::string("'kinds' has '") + kind_name(kind) +
-                                   "' twice, must have each at most once");
+  require_each_once(kinds, source, "kinds", kind_name);
+  require_each_once(seeds, source, "seeds",
+                    [](std::uint32_t seed) { return std::to_string(seed); });
 }
 
 std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyOptions& options) {
@@ -202,16 +214,17 @@ std::vector<Trial> plan_trials(const std::vector<StudyCase>& cases, const StudyO
   std::vector<Trial> trials;
   for (std::size_t own = 0; own < cases.size(); ++own) {
     if (cases[own].is_stranger) continue;
-    for (const TrialKind kind : options.kinds) {
-      const Planner planner(cases, own, kind, options);
-      for (int index = 0; index < options.starts; ++index) trials.push_back(planner.trial(index));
-    }
+    for (const TrialKind kind : options.kinds)
+      for (const std::uint32_t seed : options.seeds) {
+        const Planner planner(cases, own, kind, seed, options);
+        for (int index = 0; index < options.starts; ++index) trials.push_back(planner.trial(index));
+      }
   }
   return trials;
 }
 
-PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial& trial) {
-  const PreScanVolume& ultrasound = cases[trial.us_case].ultrasound;
+PreScanVolume trial_ultrasound(const StudyCase& own, const Trial& trial) {
+  const PreScanVolume& ultrasound = own.ultrasound;
   switch (trial.kind) {
     case TrialKind::kMirrored:
       return lines_reversed(ultrasound);
@@ -226,16 +239,16 @@ PreScanVolume trial_ultrasound(const std::vector<StudyCase>& cases, const Trial&
   }
 }
 
-std::optional<CtVolume> altered_ct(const std::vector<StudyCase>& cases, const Trial& trial) {
-  const StudyCase& own = cases[trial.ct_case];
-  if (trial.kind == TrialKind::kCtMirrored) return mirrored_ct(own.ct, own.centre_ct_mm());
-  if (trial.kind == TrialKind::kCtAxesSwapped) return axes_swapped_ct(own.ct, own.centre_ct_mm());
+std::optional<CtVolume> altered_ct(const StudyCase& ct_case, const Trial& trial) {
+  if (trial.kind == TrialKind::kCtMirrored) return mirrored_ct(ct_case.ct, ct_case.centre_ct_mm());
+  if (trial.kind == TrialKind::kCtAxesSwapped)
+    return axes_swapped_ct(ct_case.ct, ct_case.centre_ct_mm());
   return std::nullopt;
 }
 
-Isometry3d T_shown_us(const std::vector<StudyCase>& cases, const Trial& trial) {
+Isometry3d T_shown_us(const StudyCase& own, const Trial& trial) {
   if (trial.kind != TrialKind::kHalfTurn) return Isometry3d::Identity();
-  return half_turn(cases[trial.us_case].ultrasound.geometry);
+  return half_turn(own.ultrasound.geometry);
 }
 
 }  // namespace usct

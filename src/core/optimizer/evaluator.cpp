@@ -49,17 +49,38 @@ double Evaluator::at_folded(const Eigen::VectorXd& units) {
   return at(in_box);
 }
 
+CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature) {
+  const Eigen::VectorXd parameters = next(units);
+  CostModel model = problem_.model(parameters, with_curvature);
+  record(parameters, model.cost);
+  if (!std::isfinite(model.cost)) return {};
+  model.gradient = model.gradient.cwiseProduct(problem_.scale).eval();
+  if (with_curvature)
+    model.curvature =
+        (problem_.scale.asDiagonal() * model.curvature * problem_.scale.asDiagonal()).eval();
+  return model;
+}
+
 double Evaluator::evaluate(const Eigen::VectorXd& units) {
+  const Eigen::VectorXd parameters = next(units);
+  const double cost = problem_.cost(parameters);
+  record(parameters, cost);
+  return std::isfinite(cost) ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
+Eigen::VectorXd Evaluator::next(const Eigen::VectorXd& units) const {
   if (hooks_.cancelled && hooks_.cancelled())
     throw Stop{OptimizerStatus::kCancelled, "cancelled by the caller"};
   if (so_far_.evaluations >= options_.max_evaluations)
     throw Stop{OptimizerStatus::kBudgetExhausted,
                "all " + std::to_string(options_.max_evaluations) + " evaluations were made"};
   // Rounding may have moved a point on a face out of the box.
-  const Eigen::VectorXd parameters = (problem_.start + problem_.scale.cwiseProduct(units))
-                                         .cwiseMax(problem_.lower)
-                                         .cwiseMin(problem_.upper);
-  const double cost = problem_.cost(parameters);
+  return (problem_.start + problem_.scale.cwiseProduct(units))
+      .cwiseMax(problem_.lower)
+      .cwiseMin(problem_.upper);
+}
+
+void Evaluator::record(const Eigen::VectorXd& parameters, double cost) {
   ++so_far_.evaluations;
   if (std::isfinite(cost)) {
     if (!so_far_.best || cost < so_far_.cost) {
@@ -69,7 +90,6 @@ double Evaluator::evaluate(const Eigen::VectorXd& units) {
     if (!(cost <= worst_)) worst_ = cost;
   }
   if (hooks_.progress) hooks_.progress(so_far_.evaluations, so_far_.cost);
-  return std::isfinite(cost) ? cost : std::numeric_limits<double>::quiet_NaN();
 }
 
 OptimizerResult Evaluator::result(const Stop& stop) const {

@@ -39,10 +39,17 @@ class Evaluator {
   /// first. Throws Stop.
   double at_folded(const Eigen::VectorXd& units);
 
+  /// The cost with derivatives by the displacement in units of `scale`, of a point in the box. The
+  /// cost is NaN where it is not finite. Throws Stop.
+  CostModel model_at(const Eigen::VectorXd& units, bool with_curvature);
+
   OptimizerResult result(const Stop& stop) const;
 
  private:
   double evaluate(const Eigen::VectorXd& units);
+  /// The parameters of a point at which the cost may be evaluated now. Throws Stop.
+  Eigen::VectorXd next(const Eigen::VectorXd& units) const;
+  void record(const Eigen::VectorXd& parameters, double cost);
 
   const OptimizerProblem& problem_;
   const OptimizerOptions& options_;
@@ -54,9 +61,11 @@ class Evaluator {
   OptimizerResult so_far_;
 };
 
-/// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt. evaluate_start() must have been
-/// called. They return the status of convergence, or throw what the evaluator throws.
+/// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt; Gauss-Newton. evaluate_start() must
+/// have been called, except for Gauss-Newton, which evaluates the start with derivatives. They
+/// return the status of convergence, or throw what the evaluator throws.
 Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options);
 Stop run_nlopt(Evaluator& evaluator, const OptimizerOptions& options);
+Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options);
 
 }  // namespace usct::optimizer

@@ -12,11 +12,12 @@
 namespace usct {
 namespace {
 
-constexpr std::array<std::pair<OptimizerMethod, const char*>, 4> kMethods = {{
+constexpr std::array<std::pair<OptimizerMethod, const char*>, 5> kMethods = {{
     {OptimizerMethod::kCmaEs, "cma_es"},
     {OptimizerMethod::kBobyqa, "bobyqa"},
     {OptimizerMethod::kNelderMead, "nelder_mead"},
     {OptimizerMethod::kPraxis, "praxis"},
+    {OptimizerMethod::kGaussNewton, "gauss_newton"},
 }};
 
 /// The smallest population that pagmo accepts.
@@ -36,6 +37,19 @@ void require_room_for_tolerance(const OptimizerProblem& problem, const Optimizer
   require(width >= kTolerancesInBox * options.step_tolerance, "optimizer problem", "the box is ",
           width, " units wide, must be at least ", kTolerancesInBox,
           " times 'step_tolerance', which is ", options.step_tolerance);
+}
+
+void require_derivatives(const OptimizerProblem& problem, const OptimizerOptions& options) {
+  require(options.method != OptimizerMethod::kGaussNewton || problem.model, "optimizer problem",
+          "'model' is empty, must be a function for the method gauss_newton");
+}
+
+optimizer::Stop run(optimizer::Evaluator& evaluator, const OptimizerOptions& options) {
+  if (options.method == OptimizerMethod::kGaussNewton)
+    return optimizer::run_gauss_newton(evaluator, options);
+  evaluator.evaluate_start();
+  return options.method == OptimizerMethod::kCmaEs ? optimizer::run_cma_es(evaluator, options)
+                                                   : optimizer::run_nlopt(evaluator, options);
 }
 
 }  // namespace
@@ -110,14 +124,13 @@ OptimizerResult optimize(const OptimizerProblem& problem, const OptimizerOptions
   problem.validate("optimizer problem");
   options.validate("optimizer options");
   require_room_for_tolerance(problem, options);
+  require_derivatives(problem, options);
 
   const auto begin = std::chrono::steady_clock::now();
   optimizer::Evaluator evaluator(problem, options, hooks);
   optimizer::Stop stop;
   try {
-    evaluator.evaluate_start();
-    stop = options.method == OptimizerMethod::kCmaEs ? optimizer::run_cma_es(evaluator, options)
-                                                     : optimizer::run_nlopt(evaluator, options);
+    stop = run(evaluator, options);
   } catch (const optimizer::Stop& thrown) {
     stop = thrown;
   }

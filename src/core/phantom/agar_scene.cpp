@@ -28,7 +28,7 @@ class AgarAnatomy : public Anatomy {
     half_length_mm_ = random.between(68.0, 80.0);
     place_in_ct(random);
     place_kidney(random);
-    place_fiducials(random);
+    place_fiducials(random, options.ball_diameter_mm);
     place_bubbles(random, options.bubbles);
   }
 
@@ -79,12 +79,12 @@ class AgarAnatomy : public Anatomy {
     T_kidney_box_ = T_box_kidney.inverse();
   }
 
-  void place_fiducials(Sequence& random) {
+  void place_fiducials(Sequence& random, double diameter_mm) {
     for (const auto& [x, z] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}}) {
       const Vector3d p_box(x * random.between(14.0, 24.0), random.between(26.0, 31.0),
                            z * random.between(7.0, 13.0));
       fiducials_ct_mm_.push_back(T_box_ct_.inverse() * p_box);
-      balls_.push_back({fiducials_ct_mm_.back(), 0.5, Tissue::kSteel});
+      balls_.push_back({fiducials_ct_mm_.back(), 0.5 * diameter_mm, Tissue::kSteel});
     }
   }
 

@@ -17,7 +17,10 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr int kSupersampling = 3;  // per axis
+// Points per axis and voxel at which the tissue is taken; more near a ball, whose centroid in the
+// image serves as a landmark.
+constexpr int kSupersampling = 3;
+constexpr int kSupersamplingOfBalls = 10;
 
 /// Patient axis (0, 1, 2) and sense of a letter of `CtOptions::axes`.
 std::pair<int, double> axis_of_letter(char letter) {
@@ -72,17 +75,18 @@ bool all_neighbours_alike(const LabelVolume& labels, int i, int j, int k) {
 /// Mean HU over the voxel around `index`; `texture_hu` belongs to the tissue `own` of its centre.
 float partial_volume_hu(const Anatomy& anatomy, const TissueTable& tissues, const Grid& grid,
                         const Vector3d& index, bool near_ball, Tissue own, double texture_hu) {
+  const int per_axis = near_ball ? kSupersamplingOfBalls : kSupersampling;
   double sum = 0.0;
-  for (int c = 0; c < kSupersampling; ++c)
-    for (int b = 0; b < kSupersampling; ++b)
-      for (int a = 0; a < kSupersampling; ++a) {
-        const Vector3d shift = (Vector3d(a, b, c).array() + 0.5) / kSupersampling - 0.5;
+  for (int c = 0; c < per_axis; ++c)
+    for (int b = 0; b < per_axis; ++b)
+      for (int a = 0; a < per_axis; ++a) {
+        const Vector3d shift = (Vector3d(a, b, c).array() + 0.5) / per_axis - 0.5;
         const Vector3d p = grid.physical_from_index(index + shift);
         const Ball* ball = near_ball ? ball_at(anatomy.balls(), p) : nullptr;
         const Tissue tissue = ball ? ball->tissue : anatomy.tissue(p);
         sum += tissues[tissue].hu + (tissue == own ? texture_hu : 0.0);
       }
-  return static_cast<float>(sum / (kSupersampling * kSupersampling * kSupersampling));
+  return static_cast<float>(sum / (per_axis * per_axis * per_axis));
 }
 
 Volume<float> mean_hu(const Anatomy& anatomy, const TissueTable& tissues, const LabelVolume& labels,

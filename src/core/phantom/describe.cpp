@@ -26,6 +26,7 @@ Json anatomy_json(const AnatomyOptions& o) {
   return {{"contrast", o.contrast},
           {"tissue_variation", o.tissue_variation},
           {"bubbles", o.bubbles},
+          {"ball_diameter_mm", o.ball_diameter_mm},
           {"standoff_mm", optional_json(o.standoff_mm)},
           {"indentation_mm", optional_json(o.indentation_mm)},
           {"deformation_mm", o.deformation_mm},

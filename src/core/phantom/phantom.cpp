@@ -150,6 +150,7 @@ void PhantomOptions::validate() const {
   require_range("contrast", anatomy.contrast, 0.01, 1.5);
   require_range("tissue_variation", anatomy.tissue_variation, 0.0, 2.0);
   require_range("bubbles", anatomy.bubbles, 0, 200);
+  require_range("ball_diameter_mm", anatomy.ball_diameter_mm, 0.5, 4.0);
   if (anatomy.standoff_mm) require_range("standoff_mm", *anatomy.standoff_mm, 0.0, 30.0);
   if (anatomy.indentation_mm) require_range("indentation_mm", *anatomy.indentation_mm, 0.0, 20.0);
   require_range("deformation_mm", anatomy.deformation_mm, 0.0, 15.0);

@@ -53,6 +53,14 @@ class Parameters {
     return result;
   }
 
+  /// The cost, which is minus the similarity, with its derivatives by the pose.
+  CostModel model(const VectorXd& x, const SimilarityDerivatives& similarity) const {
+    // If the CT moves in the US frame, the ultrasound moves the other way in the CT.
+    const Eigen::Matrix<double, 6, 6> changes = -pose_.motion_derivative(x);
+    return {-similarity.value.value, -changes.transpose() * similarity.gradient,
+            changes.transpose() * similarity.curvature * changes};
+  }
+
  private:
   const Climb& how_;
   PoseParameters pose_;
@@ -64,17 +72,34 @@ void climb(const Similarity& similarity, const Climb& how, const FieldPoints& fi
   if (!candidate.has_value()) return;  // without a value there is no slope to climb
   const Parameters parameters(how, candidate, field);
   OptimizerProblem problem = parameters.problem();
+  SimilarityValue best;  // of the first of the best poses, as the optimizer's result
+  const auto cost_of = [&](const SimilarityValue& value) {
+    if (std::isfinite(value.value) && !(value.value <= best.value)) best = value;
+    return -value.value;
+  };
   problem.cost = [&](const VectorXd& x) {
     run.check_cancelled();
-    return -similarity.evaluate(parameters.candidate(x).pose()).value;
+    return cost_of(similarity.evaluate(parameters.candidate(x).pose()));
   };
   OptimizerOptions optimizer = how.optimizer;
+  if (optimizer.method == OptimizerMethod::kGaussNewton) {
+    // There are no derivatives by the errors.
+    if (problem.start.size() > 6) optimizer.method = OptimizerMethod::kBobyqa;
+    problem.model = [&](const VectorXd& x, bool with_curvature) {
+      run.check_cancelled();
+      const auto order = with_curvature ? DerivativeOrder::kCurvature : DerivativeOrder::kGradient;
+      const SimilarityDerivatives derivatives =
+          similarity.derivatives(parameters.candidate(x).pose(), order).value();
+      cost_of(derivatives.value);
+      return parameters.model(x, derivatives);
+    };
+  }
   optimizer.seed = how.seed;
   const OptimizerResult result = optimize(problem, optimizer);
   run.count_evaluations(static_cast<std::size_t>(result.evaluations));
   if (!result.best) return;
   candidate = parameters.candidate(*result.best);
-  set_value(candidate, similarity.evaluate(candidate.pose()));
+  set_value(candidate, best);
 }
 
 }  // namespace

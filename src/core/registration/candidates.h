@@ -41,7 +41,8 @@ class FieldPoints {
 /// Fills in value and overlap of the candidates.
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run);
 
-/// Options for climbing from candidates.
+/// Options for climbing from candidates. Where errors are estimated, BOBYQA takes the place of
+/// Gauss-Newton, since similarities have no derivatives by the errors.
 struct Climb {
   const OptimizerOptions& optimizer;
   double reach_mm;

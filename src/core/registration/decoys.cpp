@@ -52,6 +52,25 @@ void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count
   original_.evaluate(moved.data(), count, values, check);
 }
 
+std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const SimilarityPose& pose,
+                                                                     DerivativeOrder order) const {
+  std::optional<SimilarityDerivatives> result = original_.derivatives(mirrored(pose), order);
+  if (!result) return result;
+  // A sample q of the original lies at p = L q + s. A motion w x p + t of p moves q by
+  // L^T (w x (L q + s) + t) = det(L) (L^T w) x q + L^T (w x s + t).
+  const Matrix3d back = mirror_.linear().transpose();
+  const Vector3d s = mirror_.translation();
+  Matrix3d cross;  // [s]x
+  cross << 0.0, -s.z(), s.y(), s.z(), 0.0, -s.x(), -s.y(), s.x(), 0.0;
+  SimilarityDerivatives::Matrix changes = SimilarityDerivatives::Matrix::Identity();
+  changes.block<3, 3>(0, 0) = back.determinant() * back;
+  changes.block<3, 3>(3, 0) = -back * cross;
+  changes.block<3, 3>(3, 3) = back;
+  result->gradient = (changes.transpose() * result->gradient).eval();
+  result->curvature = (changes.transpose() * result->curvature * changes).eval();
+  return result;
+}
+
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, Run& run) {

@@ -29,6 +29,8 @@ class MirroredSimilarity final : public Similarity {
   using Similarity::evaluate;
   void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                 const Check& check) const override;
+  std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
+                                                   DerivativeOrder order) const override;
   std::vector<double> parts(const SimilarityPose& pose) const override {
     return original_.parts(mirrored(pose));
   }

@@ -1,6 +1,7 @@
 #include "us_ct_registration/registration/pose_parameters.h"
 
 #include <Eigen/Eigenvalues>
+#include <cmath>
 
 #include "registration/spread.h"
 #include "us_ct_registration/error.h"
@@ -8,6 +9,24 @@
 
 namespace usct {
 namespace {
+
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d matrix;
+  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return matrix;
+}
+
+/// The left Jacobian J of SO(3): exp(w + d) = exp(J d) exp(w) for small d.
+Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& w) {
+  const double angle = w.norm();
+  const Eigen::Matrix3d cross = cross_matrix(w);
+  constexpr double kSmall = 1e-4;  // the next terms of the series are below rounding
+  const double first =
+      angle < kSmall ? 0.5 - angle * angle / 24.0 : (1.0 - std::cos(angle)) / (angle * angle);
+  const double second = angle < kSmall ? 1.0 / 6.0 - angle * angle / 120.0
+                                       : (angle - std::sin(angle)) / std::pow(angle, 3);
+  return Eigen::Matrix3d::Identity() + first * cross + second * cross * cross;
+}
 
 /// The points only set scales here, so any that are not on a line in double precision will do.
 constexpr double kLeastSpreadRatio = 1e-6;
@@ -49,6 +68,16 @@ Eigen::Isometry3d PoseParameters::T_us_ct(const PoseVector& parameters) const {
   T_us_ct.translation() = centre_us_mm_ + parameters.tail<3>() +
                           rotation * (T_us_ct_initial_.translation() - centre_us_mm_);
   return T_us_ct;
+}
+
+Eigen::Matrix<double, 6, 6> PoseParameters::motion_derivative(const PoseVector& parameters) const {
+  Eigen::Matrix<double, 6, 6> derivative = Eigen::Matrix<double, 6, 6>::Identity();
+  derivative.topLeftCorner<3, 3>() =
+      left_jacobian(rotation_scale_ * parameters.head<3>()) * rotation_scale_;
+  // A rotation about the moved centre c is one about the origin and a translation by -w x c.
+  derivative.bottomLeftCorner<3, 3>() =
+      cross_matrix(centre_us_mm_ + parameters.tail<3>()) * derivative.topLeftCorner<3, 3>();
+  return derivative;
 }
 
 PoseVector PoseParameters::parameters_of(const Eigen::Isometry3d& T_us_ct) const {

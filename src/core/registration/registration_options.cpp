@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "require.h"
+#include "us_ct_registration/error.h"
 
 namespace usct {
 namespace {
@@ -68,6 +69,15 @@ LocalLc2Options patient_evidence(bool with_ridge) {
   return metric;
 }
 
+/// Throws InputError if the optimizer needs derivatives that the similarity does not have.
+void require_derivatives(const OptimizerOptions& optimizer, const SimilarityOptions& similarity,
+                         const std::string& source, const std::string& field) {
+  if (optimizer.method == OptimizerMethod::kGaussNewton && !needs_of(similarity).has_derivatives)
+    throw InputError(source, "'" + field +
+                                 "' is 'gauss_newton', must be another: the similarity has no "
+                                 "derivatives (local_lc2 has, with the channel magnitude)");
+}
+
 }  // namespace
 
 RegistrationOptions::RegistrationOptions() {
@@ -84,6 +94,7 @@ void ClimbOptions::validate(const std::string& source) const {
   if (spacing_mm) require_positive(source, "spacing_mm", *spacing_mm);
   usct::validate(similarity, source + ".similarity");
   optimizer.validate(source + ".optimizer");
+  require_derivatives(optimizer, similarity, source, "optimizer.method");
   // Every optimizer needs these properties of its box.
   require(std::isfinite(reach_mm) && reach_mm >= 2.0 * optimizer.step_tolerance, source, "reach_mm",
           reach_mm, "finite and >= twice optimizer.step_tolerance");
@@ -159,6 +170,8 @@ void ConfidenceOptions::validate(const std::string& source) const {
   usct::validate(ridge_similarity, source + ".ridge_similarity");
   require_positive(source, "cluster_mm", cluster_mm);
   parts.validate(source + ".parts");
+  require_derivatives(parts.optimizer, similarity, source, "parts.optimizer.method");
+  require_derivatives(parts.optimizer, ridge_similarity, source, "parts.optimizer.method");
   error.validate(source + ".error");
 }
 

@@ -11,6 +11,20 @@ namespace usct::rendering {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
+namespace {
+
+// By conversion: without SSE4.1, which the compiler may not assume, std::floor takes a call.
+int floor_of(float value) {
+  const int towards_zero = static_cast<int>(value);
+  return towards_zero - (static_cast<float>(towards_zero) > value ? 1 : 0);
+}
+int ceil_of(float value) {
+  const int towards_zero = static_cast<int>(value);
+  return towards_zero + (static_cast<float>(towards_zero) < value ? 1 : 0);
+}
+
+}  // namespace
+
 void DepthLayer::reset(int width, int height, int margin) {
   if (width != width_ || height != height_ || margin != margin_) {
     width_ = width;
@@ -50,26 +64,31 @@ void DepthLayer::project(const Surface& surface, const Camera& camera,
   }
 }
 
-bool DepthLayer::is_beside_image(const Corner (&corner)[3]) const {
-  const auto [left, right] =
-      std::minmax({corner[0].pixel.x(), corner[1].pixel.x(), corner[2].pixel.x()});
-  const auto [top, bottom] =
-      std::minmax({corner[0].pixel.y(), corner[1].pixel.y(), corner[2].pixel.y()});
+DepthLayer::Box DepthLayer::box_of(const Corner (&corner)[3]) {
+  const Vector2f &a = corner[0].pixel, &b = corner[1].pixel, &c = corner[2].pixel;
+  return {a.cwiseMin(b).cwiseMin(c), a.cwiseMax(b).cwiseMax(c)};
+}
+
+bool DepthLayer::is_beside_image(const Box& box) const {
   const auto margin = static_cast<float>(margin_);
-  return !(right >= -margin && left < static_cast<float>(width_ + margin_) && bottom >= -margin &&
-           top < static_cast<float>(height_ + margin_));
+  return !(box.most.x() >= -margin && box.least.x() < static_cast<float>(width_ + margin_) &&
+           box.most.y() >= -margin && box.least.y() < static_cast<float>(height_ + margin_));
 }
 
 void DepthLayer::draw(const Surface& surface, const Camera& camera,
                       const Eigen::Isometry3d& T_camera_surface, double nearest_mm,
                       double longest_edge_px) {
   project(surface, camera, T_camera_surface, nearest_mm);
+  // No edge in a square of this side is longer than the limit.
+  const auto short_side = static_cast<float>(longest_edge_px / std::sqrt(2.0));
   for (const auto& [i, j, k] : surface.triangles) {
     const Corner corner[3] = {corners_[i], corners_[j], corners_[k]};
     if (corner[0].inverse_depth == 0.0F || corner[1].inverse_depth == 0.0F ||
-        corner[2].inverse_depth == 0.0F || is_beside_image(corner))
+        corner[2].inverse_depth == 0.0F)
       continue;
-    if (camera.is_distorted()) {
+    const Box box = box_of(corner);
+    if (is_beside_image(box)) continue;
+    if (camera.is_distorted() && (box.most - box.least).maxCoeff() > short_side) {
       const Vector3f p[3] = {points_mm_[i], points_mm_[j], points_mm_[k]};
       divide(camera, p, corner, static_cast<float>(longest_edge_px));
     } else {
@@ -102,24 +121,25 @@ void DepthLayer::divide(const Camera& camera, const Vector3f (&p)[3], const Corn
   const Corner middle_corner = corner_of(middle, camera);
   const Corner first[3] = {corner[a], middle_corner, corner[c]};
   const Corner second[3] = {middle_corner, corner[b], corner[c]};
-  if (!is_beside_image(first)) divide(camera, {p[a], middle, p[c]}, first, longest_edge_px);
-  if (!is_beside_image(second)) divide(camera, {middle, p[b], p[c]}, second, longest_edge_px);
+  if (!is_beside_image(box_of(first))) divide(camera, {p[a], middle, p[c]}, first, longest_edge_px);
+  if (!is_beside_image(box_of(second)))
+    divide(camera, {middle, p[b], p[c]}, second, longest_edge_px);
 }
 
 void DepthLayer::fill_row(int y, float left, float right, const Slope& slope) {
   const auto lowest = static_cast<float>(-margin_);
   const auto highest = static_cast<float>(width_ + margin_ - 1);
-  const int begin = static_cast<int>(std::ceil(std::max(left, lowest)));
-  const int end = static_cast<int>(std::floor(std::min(right, highest))) + 1;
+  const int begin = ceil_of(std::clamp(left, lowest, highest + 1.0F));
+  const int end = floor_of(std::clamp(right, lowest - 1.0F, highest)) + 1;
   if (begin >= end) return;
   float* const to = writable_row(y);
   // In registers: the compiler cannot know that the row and the slope do not overlap.
   const auto [from_x, inverse_depth, by_x, least, most] = slope;
-  const float at_begin = inverse_depth + by_x * (static_cast<float>(begin) - from_x);
-  for (int x = begin; x < end; ++x) {
-    const float inverse = at_begin + by_x * static_cast<float>(x - begin);
+  // Most rows of a triangle are a few pixels, too short for vectors: each value follows from the
+  // one before, so that the compiler prepares none.
+  float inverse = inverse_depth + by_x * (static_cast<float>(begin) - from_x);
+  for (int x = begin; x < end; ++x, inverse += by_x)
     to[x] = std::max(to[x], std::min(std::max(inverse, least), most));
-  }
   Span& span = spans_[static_cast<std::size_t>(y + margin_)];
   span = span.begin == span.end ? Span{begin, end}
                                 : Span{std::min(span.begin, begin), std::max(span.end, end)};
@@ -162,8 +182,10 @@ void DepthLayer::fill(const Corner& a, const Corner& b, const Corner& c) {
   const float along_whole = x_per_row(top, bottom);
   const float along_upper = x_per_row(top, middle);
   const float along_lower = x_per_row(middle, bottom);
-  const int first = std::max(-margin_, static_cast<int>(std::ceil(top.y())));
-  const int last = std::min(height_ + margin_ - 1, static_cast<int>(std::floor(bottom.y())));
+  const auto highest = static_cast<float>(-margin_);
+  const auto lowest = static_cast<float>(height_ + margin_ - 1);
+  const int first = ceil_of(std::clamp(top.y(), highest, lowest + 1.0F));
+  const int last = floor_of(std::clamp(bottom.y(), highest - 1.0F, lowest));
   for (int y = first; y <= last; ++y) {
     const auto row_y = static_cast<float>(y);
     const float one = top.x() + along_whole * (row_y - top.y());

@@ -46,6 +46,12 @@ class DepthLayer {
     float inverse_depth;
   };
 
+  /// The pixels between `least` and `most` in both directions.
+  struct Box {
+    Eigen::Vector2f least;
+    Eigen::Vector2f most;
+  };
+
   /// 1 / z along a row of a triangle: `inverse_depth` at column `x`, and its range at the corners.
   struct Slope {
     float x;
@@ -63,7 +69,8 @@ class DepthLayer {
   void fill(const Corner& a, const Corner& b, const Corner& c);
   void fill_row(int y, float left, float right, const Slope& slope);
   float* writable_row(int y) { return const_cast<float*>(row(y)); }
-  bool is_beside_image(const Corner (&corner)[3]) const;
+  static Box box_of(const Corner (&corner)[3]);
+  bool is_beside_image(const Box& box) const;
 
   int width_ = 0;
   int height_ = 0;

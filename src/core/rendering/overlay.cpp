@@ -7,6 +7,7 @@
 
 #include "rendering/depth_layer.h"
 #include "rendering/overlay_contours.h"
+#include "rendering/structure_fill.h"
 #include "require.h"
 
 namespace usct {
@@ -93,7 +94,6 @@ struct OverlayRenderer::Buffers {
   std::vector<DepthLayer> layers;  // one per structure
   Marks marks;
   std::vector<float> front;  // of one row: 1 / z of the first surface
-  std::vector<std::uint16_t> weights;
 
   /// 1 / z of the first surface at a pixel.
   float front_at(int x, int y, std::size_t structures) const {
@@ -117,30 +117,15 @@ struct OverlayRenderer::Buffers {
     }
   }
 
-  /// Fills one structure in a row, and returns how many pixels it covers. Its depth behind the
-  /// first surface is d = 1/v - 1/f, and its weight falls as s / (s + d).
+  /// Fills one structure in a row, and returns how many pixels it covers.
   std::size_t fill_row(const ImageView& image, int y, const DepthLayer& layer,
-                       const OverlayStructure& structure, double hidden_depth_mm) {
+                       const OverlayStructure& structure, double hidden_depth_mm) const {
     const Span span = within(layer.span(y), image.width);
-    const float* const inverse = layer.row(y);
-    const auto s = static_cast<float>(hidden_depth_mm);
-    const auto most = static_cast<float>(kOpaque * structure.opacity);
-    weights.resize(static_cast<std::size_t>(image.width));
-    std::uint16_t* const weight = weights.data();
-    const float* const first = front.data();
-    int covered = 0;
-    for (int x = span.begin; x < span.end; ++x) {
-      const float v = inverse[x];
-      const float f = first[x];
-      constexpr float kTiny = 1e-30F;  // nothing is divided by 0 where nothing is covered
-      weight[x] = static_cast<std::uint16_t>(most * (s * f * v) / (s * f * v + (f - v) + kTiny));
-      covered += v > 0.0F ? 1 : 0;
-    }
-    const std::uint64_t colour = spread(image, structure.colour);
-    std::uint8_t* const pixels = image.row(y);
-    for (int x = span.begin; x < span.end; ++x)
-      if (weight[x] != 0) blend(pixels + 3 * x, weight[x], colour);
-    return static_cast<std::size_t>(covered);
+    const Picture::Colour colour = in_order(image, structure.colour);
+    return rendering::fill_structure(
+        image.row(y) + 3 * span.begin, layer.row(y) + span.begin, front.data() + span.begin,
+        static_cast<std::size_t>(span.end - span.begin),
+        {{colour[0], colour[1], colour[2]}, structure.opacity, hidden_depth_mm});
   }
 
   void mark_outlines(const Outlines& outlines, double width_px, std::size_t structures) {

@@ -152,6 +152,15 @@ std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t mos
   return surfaces;
 }
 
+std::string border_warning(const LabelVolume& labels, const LabelTable& table) {
+  std::string cut;
+  for (const auto& [label, region] : regions_of(labels))
+    if (region.begin.minCoeff() == 0 ||
+        ((region.begin + region.size).array() == labels.grid.size.array()).any())
+      cut += (cut.empty() ? "'" : ", '") + label_text(label, table) + "'";
+  return cut.empty() ? cut : "the label map ends inside " + cut + ": surfaces end there in planes";
+}
+
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles) {
   constexpr float kAirHu = -1024.0F;
   const auto iso = static_cast<float>(hu);

@@ -1,12 +1,13 @@
 #pragma once
 
 #include "similarity/joint_sums.h"
+#include "similarity/patch_derivatives.h"
 #include "similarity/patch_kernel.h"
 
 namespace usct {
 
-/// The inner loops of all metrics of patches, in one implementation. See patch_kernel.h and
-/// joint_sums.h for their definitions.
+/// The inner loops of all metrics of patches, in one implementation. See patch_kernel.h,
+/// patch_derivatives.h and joint_sums.h for their definitions.
 class SimilarityBackend {
  public:
   virtual ~SimilarityBackend() = default;
@@ -15,6 +16,11 @@ class SimilarityBackend {
                            StrandSums* sums) const = 0;
   virtual void explained_shares(const StrandSums& sums, const double* count, const double* uu,
                                 const Lc2Ridge& ridge, double* shares) const = 0;
+  virtual void sample_derivatives(const PatchKernelInput& input, std::size_t block,
+                                  BlockSamples& samples, StrandSums& sums) const = 0;
+  virtual void sum_derivatives(const UltrasoundPatches& us, std::size_t block,
+                               const BlockSamples& samples, const StrandSlopes& slopes,
+                               DerivativeOrder order, DerivativeSums& sums) const = 0;
   virtual std::size_t sample_block(const PatchKernelInput& input, std::size_t block,
                                    float* values) const = 0;
   virtual JointSums joint_sums(const JointSumsInput& input) const = 0;

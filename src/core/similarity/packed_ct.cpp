@@ -5,6 +5,7 @@
 
 #include "parallel.h"
 #include "require.h"
+#include "similarity/packed_gradient.h"
 
 namespace usct {
 namespace {
@@ -60,6 +61,12 @@ PackedCt::PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double ba
       here.swap(next);
     }
   });
+}
+
+const PackedGradient& PackedCt::gradient() const {
+  std::call_once(gradient_made_,
+                 [&] { gradient_ = std::make_unique<const PackedGradient>(with_gradient(*this)); });
+  return *gradient_;
 }
 
 }  // namespace usct

@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 
 #include "similarity/large_pages.h"
 #include "us_ct_registration/volume/hu_window.h"
@@ -11,6 +13,16 @@ namespace usct {
 
 /// The highest value of a voxel of a PackedCt.
 constexpr float kLargestByte = 255.0F;
+
+/// A CT with the magnitude of its gradient, 8 bits per voxel each.
+struct PackedGradient {
+  /// At the places of PackedCt::pairs(): the pair of the CT in the low half of a word, that of the
+  /// gradient's magnitude in the high half.
+  LargeVector<std::uint32_t> words;
+  /// Steps of the CT's byte per mm in one step of a byte of the gradient. The largest byte is a
+  /// change by the whole window from one voxel to the next.
+  double step_per_mm = 0.0;
+};
 
 /// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values. Each voxel
 /// is stored with its neighbour along j, so that two loads of 32 bits fetch the eight voxels of a
@@ -35,6 +47,13 @@ class PackedCt {
   /// The background on the scale of the bytes.
   double background() const { return background_; }
 
+  /// The CT together with the magnitude of its gradient as a volume of its own, made on first use;
+  /// safe from several threads. The gradient of the trilinear interpolation jumps at the borders of
+  /// cells, so that its derivative within a cell says nothing of how it changes from cell to cell;
+  /// the trilinear interpolation of its magnitudes at the voxels does. A voxel has the root mean
+  /// square of the magnitudes that the cells around it have there.
+  const PackedGradient& gradient() const;
+
  private:
   Grid grid_;
   std::size_t stride_j_ = 0;
@@ -42,6 +61,8 @@ class PackedCt {
   double step_hu_ = 0.0;
   double background_ = 0.0;
   LargeVector<std::uint16_t> pairs_;
+  mutable std::once_flag gradient_made_;
+  mutable std::unique_ptr<const PackedGradient> gradient_;
 };
 
 }  // namespace usct

@@ -103,6 +103,16 @@ struct PatchMoments {
   double um = 0.0, ug = 0.0;
 };
 
+/// The weights of the fit that explained_share describes, with the moments about the means; those
+/// of its normal equations are damped by the ridge.
+struct Lc2Fit {
+  double mm = 0.0, gg = 0.0, mg = 0.0;
+  double damped_mm = 0.0, damped_gg = 0.0;
+  double a = 0.0, b = 0.0;
+  bool both = false;  // whether b was fitted, or is 0
+};
+Lc2Fit lc2_fit(const PatchMoments& sums, const Lc2Ridge& ridge);
+
 /// Share of the variance of u that a * m + b * g + c explains, in [0, 1]; the weights minimise the
 /// squared residual plus count * ((intensity * a)^2 + (gradient * b)^2), with b >= 0 if
 /// `positive_gradient`. 0 if u is constant, or both m and g are.

@@ -48,23 +48,30 @@ std::size_t sample_block_scalar(const PatchKernelInput& in, std::size_t block, f
   return inside;
 }
 
-double explained_share(const PatchMoments& sums, const Lc2Ridge& ridge) {
+Lc2Fit lc2_fit(const PatchMoments& sums, const Lc2Ridge& ridge) {
   const double per_sample = sums.count > 0.0 ? 1.0 / sums.count : 0.0;
-  const double mm = sums.mm - sums.m * sums.m * per_sample;
-  const double gg = sums.gg - sums.g * sums.g * per_sample;
-  const double mg = sums.mg - sums.m * sums.g * per_sample;
-  const double damped_mm =
-      mm + kLc2Floor * sums.mm + sums.count * ridge.intensity * ridge.intensity;
-  const double damped_gg = gg + kLc2Floor * sums.gg + sums.count * ridge.gradient * ridge.gradient;
-  const double determinant = damped_mm * damped_gg - mg * mg;
-  double a = (damped_gg * sums.um - mg * sums.ug) / determinant;
-  double b = (damped_mm * sums.ug - mg * sums.um) / determinant;
-  if (!(determinant > 0.0) || (ridge.positive_gradient && b < 0.0)) {
-    a = damped_mm > 0.0 ? sums.um / damped_mm : 0.0;
-    b = 0.0;
+  Lc2Fit fit;
+  fit.mm = sums.mm - sums.m * sums.m * per_sample;
+  fit.gg = sums.gg - sums.g * sums.g * per_sample;
+  fit.mg = sums.mg - sums.m * sums.g * per_sample;
+  fit.damped_mm = fit.mm + kLc2Floor * sums.mm + sums.count * ridge.intensity * ridge.intensity;
+  fit.damped_gg = fit.gg + kLc2Floor * sums.gg + sums.count * ridge.gradient * ridge.gradient;
+  const double determinant = fit.damped_mm * fit.damped_gg - fit.mg * fit.mg;
+  fit.a = (fit.damped_gg * sums.um - fit.mg * sums.ug) / determinant;
+  fit.b = (fit.damped_mm * sums.ug - fit.mg * sums.um) / determinant;
+  fit.both = determinant > 0.0 && !(ridge.positive_gradient && fit.b < 0.0);
+  if (!fit.both) {
+    fit.a = fit.damped_mm > 0.0 ? sums.um / fit.damped_mm : 0.0;
+    fit.b = 0.0;
   }
+  return fit;
+}
+
+double explained_share(const PatchMoments& sums, const Lc2Ridge& ridge) {
+  const Lc2Fit fit = lc2_fit(sums, ridge);
   const double explained =
-      2.0 * (a * sums.um + b * sums.ug) - (a * a * mm + 2.0 * a * b * mg + b * b * gg);
+      2.0 * (fit.a * sums.um + fit.b * sums.ug) -
+      (fit.a * fit.a * fit.mm + 2.0 * fit.a * fit.b * fit.mg + fit.b * fit.b * fit.gg);
   return sums.uu > 0.0 ? std::clamp(explained / sums.uu, 0.0, 1.0) : 0.0;
 }
 

@@ -6,8 +6,8 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "similarity/lane_sums-inl.h"
 #include "similarity/patch_kernel.h"
-#include "similarity/sample_packed_ct-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
@@ -44,11 +44,6 @@ HWY_INLINE VF gradient_of(const UltrasoundPatches& us, const Constants& k, std::
                                        hn::Mul(ct.gk, turned(k.m[2], dx, dy, dz, zero)))));
 }
 
-/// Sums of the strands of one vector.
-struct LaneSums {
-  VF inside, m, g, mm, gg, mg, um, ug;
-};
-
 /// Adds rows whose first sample is `s`. The CT of the next row is fetched while this one is
 /// interpolated.
 template <GradientChannel kChannel, Where kWhere>
@@ -67,38 +62,19 @@ HWY_INLINE void add_rows(const UltrasoundPatches& us, const Constants& k, std::s
     const VF value = if_inside<kWhere>(cells, hn::Sub(ct.value, hn::Set(df, k.background)), zero);
     const VF gradient = if_inside<kWhere>(cells, gradient_of<kChannel>(us, k, s, ct), zero);
     const VF u = hn::LoadU(df, us.value.data() + s);
-    sum.inside = hn::Add(sum.inside, if_inside<kWhere>(cells, one, zero));
-    sum.m = hn::Add(sum.m, value);
-    sum.g = hn::Add(sum.g, gradient);
-    sum.mm = hn::MulAdd(value, value, sum.mm);
-    sum.gg = hn::MulAdd(gradient, gradient, sum.gg);
-    sum.mg = hn::MulAdd(value, gradient, sum.mg);
-    sum.um = hn::MulAdd(u, value, sum.um);
-    sum.ug = hn::MulAdd(u, gradient, sum.ug);
+    add(sum, if_inside<kWhere>(cells, one, zero), value, gradient, u);
   }
   sums = sum;
-}
-
-HWY_INLINE void store(const LaneSums& from, StrandSums& sums, std::size_t lane) {
-  hn::StoreU(from.inside, df, sums.inside + lane);
-  hn::StoreU(from.m, df, sums.m + lane);
-  hn::StoreU(from.g, df, sums.g + lane);
-  hn::StoreU(from.mm, df, sums.mm + lane);
-  hn::StoreU(from.gg, df, sums.gg + lane);
-  hn::StoreU(from.mg, df, sums.mg + lane);
-  hn::StoreU(from.um, df, sums.um + lane);
-  hn::StoreU(from.ug, df, sums.ug + lane);
 }
 
 template <GradientChannel kChannel, Where kRest>
 void sum_all(const PatchKernelInput& in, std::size_t first, std::size_t last, StrandSums* sums) {
   const Constants constants(in);
-  const VF zero = hn::Zero(df);
   for (std::size_t b = first; b < last; ++b, ++sums) {
     const UltrasoundPatches::Block& block = in.us.blocks[b];
     const std::size_t inside = rows_inside(in, block);
     for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(df)) {
-      LaneSums sum{zero, zero, zero, zero, zero, zero, zero, zero};
+      LaneSums sum = no_sums();
       const std::size_t begin = block.begin + lane;
       add_rows<kChannel, Where::kInside>(in.us, constants, begin, inside, sum);
       add_rows<kChannel, kRest>(in.us, constants, begin + inside * kLanes, block.rows - inside,

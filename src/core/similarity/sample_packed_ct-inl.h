@@ -108,6 +108,14 @@ HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_
   z = moved(z, us.direction_z, us.sweep_z);
 }
 
+/// The cells in which samples lie, as offsets of their pairs in bytes, and the positions of the
+/// samples in the cells.
+struct Location {
+  MF inside;  // not set if all are known to lie inside
+  VI bytes;
+  VF ti, tj, tk;
+};
+
 /// The corners of cells as bytes (k = 0 in `low`, 1 in `high`; their pairs at i, then at i + 1),
 /// and the positions of samples in the cells.
 struct Cells {
@@ -134,7 +142,7 @@ HWY_INLINE MF in_ct(const Constants& k, VF x, VF y, VF z) {
 }
 
 template <Where kWhere>
-HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
+HWY_INLINE Location locate(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
   VF px = hn::LoadU(df, us.x_mm.data() + s);
   VF py = hn::LoadU(df, us.y_mm.data() + s);
   VF pz = hn::LoadU(df, us.z_mm.data() + s);
@@ -157,13 +165,19 @@ HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::siz
     inside = in_ct(k, x, y, z);
     cell = hn::IfThenElseZero(hn::RebindMask(di, inside), cell);
   }
-  const VI bytes = hn::ShiftLeft<1>(cell);
-  return {inside,
-          pairs_at(k.pairs, bytes),
-          pairs_at(k.pairs + k.stride_k, bytes),
-          hn::Sub(x, hn::Sub(i, offset)),
-          hn::Sub(y, hn::Sub(j, offset)),
-          hn::Sub(z, fz)};
+  return {inside, hn::ShiftLeft<1>(cell), hn::Sub(x, hn::Sub(i, offset)),
+          hn::Sub(y, hn::Sub(j, offset)), hn::Sub(z, fz)};
+}
+
+template <Where kWhere>
+HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
+  const Location at = locate<kWhere>(us, k, s);
+  return {at.inside,
+          pairs_at(k.pairs, at.bytes),
+          pairs_at(k.pairs + k.stride_k, at.bytes),
+          at.ti,
+          at.tj,
+          at.tk};
 }
 
 /// CT value, and gradient per voxel.
@@ -171,27 +185,35 @@ struct Sampled {
   VF value, gi, gj, gk;
 };
 
-HWY_INLINE Sampled interpolate(const Cells& c) {
-  const VF c000 = byte_of<0>(c.low);
-  const VF c010 = byte_of<1>(c.low);
-  const VF c001 = byte_of<0>(c.high);
-  const VF c011 = byte_of<1>(c.high);
+/// The values at the corners of a cell; the digits are i, j and k.
+struct Corners {
+  VF c000, c100, c010, c110, c001, c101, c011, c111;
+};
+
+HWY_INLINE Sampled interpolate(const Corners& c, VF ti, VF tj, VF tk) {
   // Slopes along i on the four edges are interpolated bilinearly.
-  const VF s00 = hn::Sub(byte_of<2>(c.low), c000);
-  const VF s10 = hn::Sub(byte_of<3>(c.low), c010);
-  const VF s01 = hn::Sub(byte_of<2>(c.high), c001);
-  const VF s11 = hn::Sub(byte_of<3>(c.high), c011);
-  const VF e00 = hn::MulAdd(c.ti, s00, c000);
-  const VF e10 = hn::MulAdd(c.ti, s10, c010);
-  const VF e01 = hn::MulAdd(c.ti, s01, c001);
-  const VF e11 = hn::MulAdd(c.ti, s11, c011);
+  const VF s00 = hn::Sub(c.c100, c.c000);
+  const VF s10 = hn::Sub(c.c110, c.c010);
+  const VF s01 = hn::Sub(c.c101, c.c001);
+  const VF s11 = hn::Sub(c.c111, c.c011);
+  const VF e00 = hn::MulAdd(ti, s00, c.c000);
+  const VF e10 = hn::MulAdd(ti, s10, c.c010);
+  const VF e01 = hn::MulAdd(ti, s01, c.c001);
+  const VF e11 = hn::MulAdd(ti, s11, c.c011);
   const VF slope_j0 = hn::Sub(e10, e00);
   const VF slope_j1 = hn::Sub(e11, e01);
-  const VF face0 = hn::MulAdd(c.tj, slope_j0, e00);
-  const VF face1 = hn::MulAdd(c.tj, slope_j1, e01);
+  const VF face0 = hn::MulAdd(tj, slope_j0, e00);
+  const VF face1 = hn::MulAdd(tj, slope_j1, e01);
   const VF gk = hn::Sub(face1, face0);
-  return {hn::MulAdd(c.tk, gk, face0), lerp(lerp(s00, s10, c.tj), lerp(s01, s11, c.tj), c.tk),
-          lerp(slope_j0, slope_j1, c.tk), gk};
+  return {hn::MulAdd(tk, gk, face0), lerp(lerp(s00, s10, tj), lerp(s01, s11, tj), tk),
+          lerp(slope_j0, slope_j1, tk), gk};
+}
+
+HWY_INLINE Sampled interpolate(const Cells& c) {
+  return interpolate(
+      {byte_of<0>(c.low), byte_of<2>(c.low), byte_of<1>(c.low), byte_of<3>(c.low),
+       byte_of<0>(c.high), byte_of<2>(c.high), byte_of<1>(c.high), byte_of<3>(c.high)},
+      c.ti, c.tj, c.tk);
 }
 
 /// `value` if a sample lies in the CT, `outside` otherwise.

@@ -14,6 +14,15 @@ class ScalarBackend final : public SimilarityBackend {
                         const Lc2Ridge& ridge, double* shares) const override {
     explained_shares_scalar(sums, count, uu, ridge, shares);
   }
+  void sample_derivatives(const PatchKernelInput& input, std::size_t block, BlockSamples& samples,
+                          StrandSums& sums) const override {
+    sample_derivatives_scalar(input, block, samples, sums);
+  }
+  void sum_derivatives(const UltrasoundPatches& us, std::size_t block, const BlockSamples& samples,
+                       const StrandSlopes& slopes, DerivativeOrder order,
+                       DerivativeSums& sums) const override {
+    sum_derivatives_scalar(us, block, samples, slopes, order, sums);
+  }
   std::size_t sample_block(const PatchKernelInput& input, std::size_t block,
                            float* values) const override {
     return sample_block_scalar(input, block, values);

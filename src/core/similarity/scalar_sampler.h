@@ -17,6 +17,12 @@ class ScalarSampler {
     Vector3f gradient;
   };
 
+  /// The first pair of a cell, and a position in the cell.
+  struct Cell {
+    std::size_t offset = 0;
+    Vector3f t = Vector3f::Zero();
+  };
+
   explicit ScalarSampler(const PatchKernelInput& in)
       : in_(in),
         M_(in.T_index_us.linear().cast<float>()),
@@ -27,6 +33,21 @@ class ScalarSampler {
 
   /// Samples the CT; false outside it.
   bool sample(std::size_t s, Sampled& ct) const {
+    Cell cell;
+    if (!locate(s, cell)) return false;
+    ct = sample(in_.ct.pairs().data(), cell);
+    return true;
+  }
+
+  /// Samples a volume whose words, from bit `shift` on, are pairs as PackedCt::pairs().
+  template <typename Word>
+  Sampled sample(const Word* words, const Cell& cell, int shift = 0) const {
+    const Word* low = words + cell.offset;
+    return interpolate(low, low + in_.ct.stride_k(), shift, cell.t);
+  }
+
+  /// Finds the cell of the CT in which a sample lies; false outside the CT.
+  bool locate(std::size_t s, Cell& cell) const {
     const UltrasoundPatches& us = in_.us;
     Vector3f p(us.x_mm[s], us.y_mm[s], us.z_mm[s]);
     if (is_moved(in_.errors))
@@ -36,10 +57,10 @@ class ScalarSampler {
     if (!((index.array() >= 0.0F).all() && (index.array() < cells_.array()).all())) return false;
     const Vector3f corner = index.array().floor();
     const Eigen::Vector3i ijk = corner.cast<int>();
-    const std::uint16_t* pairs =
-        in_.ct.pairs().data() + static_cast<std::size_t>(ijk.z()) * in_.ct.stride_k() +
-        static_cast<std::size_t>(ijk.y()) * in_.ct.stride_j() + static_cast<std::size_t>(ijk.x());
-    ct = interpolate(pairs, pairs + in_.ct.stride_k(), index - corner);
+    cell = {static_cast<std::size_t>(ijk.z()) * in_.ct.stride_k() +
+                static_cast<std::size_t>(ijk.y()) * in_.ct.stride_j() +
+                static_cast<std::size_t>(ijk.x()),
+            index - corner};
     return true;
   }
 
@@ -53,12 +74,12 @@ class ScalarSampler {
   static float lerp(float a, float b, float t) { return a + t * (b - a); }
 
   /// Trilinear interpolation within a cell (pairs at k and k + 1), and its derivative.
-  static Sampled interpolate(const std::uint16_t* low, const std::uint16_t* high,
-                             const Vector3f& t) {
+  template <typename Word>
+  static Sampled interpolate(const Word* low, const Word* high, int shift, const Vector3f& t) {
     float corner[2][2][2];  // k, j, i
     for (int k = 0; k < 2; ++k)
       for (int i = 0; i < 2; ++i) {
-        const std::uint16_t pair = (k == 0 ? low : high)[i];
+        const auto pair = static_cast<std::uint16_t>((k == 0 ? low : high)[i] >> shift);
         corner[k][0][i] = static_cast<float>(pair & 0xFF);
         corner[k][1][i] = static_cast<float>(pair >> 8);
       }

@@ -3,11 +3,14 @@
 #include <ros/serialization.h>
 #include <zlib.h>
 
+#include <cmath>
 #include <limits>
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/status.h"
+#include "us_ct_registration/formatted.h"
+#include "us_ct_registration/registration/confidence_text.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -177,6 +180,12 @@ geometry_msgs::Transform to_message(const MetricPose& pose) {
 std::optional<Eigen::Isometry3d> T_fixed_ct_from(const msg::Alignment& message) {
   if (message.state == msg::Alignment::NONE) return std::nullopt;
   return from_message_mm(message.transform, "registration/alignment");
+}
+
+std::string evidence_of(const msg::Alignment& alignment, const RegistrationResult* result) {
+  if (result != nullptr) return confidence_text(*result) + evidence_text(result->measures);
+  if (!std::isfinite(alignment.expected_error)) return "expected error: not known\n";
+  return formatted("expected error: %.2f mm\n", kMmPerM * alignment.expected_error);
 }
 
 }  // namespace usct::ros_interface

@@ -8,8 +8,10 @@
 
 #include <Eigen/Geometry>
 #include <optional>
+#include <string>
 
 #include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/registration/registration_result.h"
 
 namespace usct::ros_interface {
 
@@ -36,5 +38,10 @@ geometry_msgs::Transform to_message(const MetricPose& pose);
 /// Pose of the CT in the alignment's fixed frame, mm; empty if nothing is broadcast. Throws
 /// InputError if the transform is not rigid.
 std::optional<Eigen::Isometry3d> T_fixed_ct_from(const us_ct_registration::Alignment& message);
+
+/// The evidence for an alignment, in lines. `result` is the one with the alignment's number; null:
+/// it is not known, and all that is said is the alignment's expected error.
+std::string evidence_of(const us_ct_registration::Alignment& alignment,
+                        const RegistrationResult* result);
 
 }  // namespace usct::ros_interface

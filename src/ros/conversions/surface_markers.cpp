@@ -12,8 +12,11 @@ using visualization_msgs::MarkerArray;
 constexpr double kTitleM = 0.010;  // height of letters
 constexpr double kReasonM = 0.005;
 
-Marker deletes_all() {
+/// It needs the frame of the markers that it deletes: rviz takes one without a frame on another
+/// way, on which it overtakes markers that were sent just before it, and these then stay.
+Marker deletes_all(const std::string& frame) {
   Marker marker;
+  marker.header.frame_id = frame;
   marker.pose.orientation.w = 1.0;
   marker.action = Marker::DELETEALL;
   return marker;
@@ -64,7 +67,7 @@ void colour_as(const Mark& mark, double alpha, Marker& marker) {
 MarkerArray marked_surfaces(const MarkerArray& surfaces_ct, const std::string& frame,
                             const Eigen::Isometry3d& T_frame_ct, const Mark& mark, double alpha) {
   MarkerArray result;
-  result.markers.push_back(deletes_all());
+  result.markers.push_back(deletes_all(frame));
   for (Marker marker : placed(surfaces_ct, frame, T_frame_ct, alpha).markers) {
     if (marker.action != Marker::ADD) continue;
     colour_as(mark, alpha, marker);
@@ -102,18 +105,25 @@ std::string in_lines(const std::string& text) {
 MarkerArray to_markers(const std::map<int, Surface>& surfaces, const LabelTable& labels,
                        const std::string& frame) {
   MarkerArray array;
-  array.markers.push_back(deletes_all());
-  array.markers.front().header.frame_id = frame;
+  array.markers.push_back(deletes_all(frame));
   for (const auto& [label, surface] : surfaces)
     array.markers.push_back(to_marker(label, surface, labels, frame));
   return array;
+}
+
+Eigen::AlignedBox3d box_mm(const Marker& marker, const std::string& source) {
+  const Eigen::Isometry3d T_frame_marker = from_message_mm(marker.pose, source);
+  Eigen::AlignedBox3d box;
+  for (const geometry_msgs::Point& p : marker.points)
+    box.extend(T_frame_marker * point_from_message_mm(p));
+  return box;
 }
 
 MarkerArray placed(const MarkerArray& surfaces_ct, const std::string& frame,
                    const std::optional<Eigen::Isometry3d>& T_frame_ct, double alpha) {
   MarkerArray result;
   if (!T_frame_ct) {
-    result.markers.push_back(deletes_all());
+    result.markers.push_back(deletes_all(frame));
     return result;
   }
   result = surfaces_ct;

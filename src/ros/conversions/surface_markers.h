@@ -19,8 +19,12 @@ namespace usct::ros_interface {
 visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
                                            const LabelTable& labels, const std::string& frame);
 
+/// The box around the points of a marker, in the marker's frame, mm. Throws InputError, naming
+/// `source`, if its pose is not rigid.
+Eigen::AlignedBox3d box_mm(const visualization_msgs::Marker& marker, const std::string& source);
+
 /// The markers of the CT's surfaces, transformed to another frame so that tf is not needed, with
-/// opacity `alpha`. If the pose is not known, a marker that deletes all others.
+/// opacity `alpha`. If the pose is not known, a marker that deletes all others in `frame`.
 visualization_msgs::MarkerArray placed(const visualization_msgs::MarkerArray& surfaces_ct,
                                        const std::string& frame,
                                        const std::optional<Eigen::Isometry3d>& T_frame_ct,

@@ -2,15 +2,13 @@
 
 #include <us_ct_registration/StatusCode.h>
 
-#include <cmath>
-
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/registration_result.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/registration/confidence_text.h"
 
 namespace usct::ros_interface {
@@ -32,15 +30,6 @@ std::string name_of(const msg::Alignment& message) {
 /// The headline of a pose that is not drawn in favour of another one, or nothing.
 std::string aside(const std::string& what, const std::string& why_not) {
   return why_not.empty() ? "" : " (" + what + " is not drawn: " + why_not + ")";
-}
-
-/// The middle of the box around the points of a marker, in the marker's frame, mm.
-Vector3d middle_mm(const visualization_msgs::Marker& marker) {
-  const Isometry3d T_frame_marker = from_message_mm(marker.pose, "ct/surface");
-  Eigen::AlignedBox3d box_mm;
-  for (const geometry_msgs::Point& p : marker.points)
-    box_mm.extend(T_frame_marker * point_from_message_mm(p));
-  return box_mm.center();
 }
 
 }  // namespace
@@ -77,7 +66,7 @@ void FusionSceneKeeper::take_surface(const visualization_msgs::MarkerArray& mess
   for (const Marker& marker : message.markers)
     if (marker.action == Marker::ADD && !marker.points.empty() && !options_.centre_label.empty() &&
         marker.ns.find(options_.centre_label) != std::string::npos)
-      middles.push_back(middle_mm(marker));
+      middles.push_back(box_mm(marker, "ct/surface").center());
   label_middles_ct_mm_ = std::move(middles);
 }
 
@@ -108,10 +97,8 @@ FusionSceneKeeper::Attempt FusionSceneKeeper::pose_by(const msg::Alignment& mess
 }
 
 std::string FusionSceneKeeper::evidence(const msg::Alignment& message) const {
-  if (const Known* result = known(message.result_id))
-    return confidence_text(result->result) + evidence_text(result->result.measures);
-  if (!std::isfinite(message.expected_error)) return "expected error: not known\n";
-  return formatted("expected error: %.2f mm\n", kMmPerM * message.expected_error);
+  const Known* result = known(message.result_id);
+  return evidence_of(message, result == nullptr ? nullptr : &result->result);
 }
 
 std::optional<FusionPose> FusionSceneKeeper::refused_pose(const FusionUltrasound& us,

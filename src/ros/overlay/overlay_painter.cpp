@@ -108,9 +108,9 @@ void OverlayPainter::draw(const OverlayJob& job, const OverlayScene& scene, cons
                                         std::to_string(image.width) + " x " +
                                         std::to_string(image.height));
   const Eigen::Isometry3d T_camera_ct =
-      model.T_camera_frame * T_camera_ct_at(tf_, scene, job.info->header.frame_id,
-                                            job.image->header.stamp, ::ros::Time::now(),
-                                            options_.tf_timeout_s);
+      model.T_camera_frame * T_frame_ct_at(tf_, scene, job.info->header.frame_id,
+                                           job.image->header.stamp, ::ros::Time::now(),
+                                           options_.tf_timeout_s);
   std::vector<OverlayStructure> structures = scene.structures;
   widen_bounds(T_camera_ct, structures);
   const OverlayCoverage coverage = renderer_.draw(image, model.camera, T_camera_ct, structures);

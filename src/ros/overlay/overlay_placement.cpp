@@ -25,8 +25,7 @@ void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
     if (tf.canTransform(target, source, stamp, &why)) return;
     if (Clock::now() >= end)
       throw Refusal(Code::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
-                                              "' at the image's stamp " + seconds_text(stamp) +
-                                              ": " + why);
+                                              "' at the stamp " + seconds_text(stamp) + ": " + why);
     std::this_thread::sleep_for(kPause);
   }
 }
@@ -38,22 +37,22 @@ Eigen::Isometry3d look_up(const tf2::BufferCore& tf, const std::string& target,
 
 }  // namespace
 
-Eigen::Isometry3d T_camera_ct_at(const tf2::BufferCore& tf, const OverlayScene& scene,
-                                 const std::string& camera_frame, const ::ros::Time& stamp,
-                                 const ::ros::Time& now, double timeout_s) try {
+Eigen::Isometry3d T_frame_ct_at(const tf2::BufferCore& tf, const OverlayScene& scene,
+                                const std::string& frame, const ::ros::Time& stamp,
+                                const ::ros::Time& now, double timeout_s) try {
   constexpr double kSameMm = 1e-3;
   constexpr double kSameRad = 1e-6;
-  if (stamp.isZero()) throw Refusal(Code::INVALID_MESSAGE, "the image has no stamp");
-  if (camera_frame.empty()) throw Refusal(Code::INVALID_MESSAGE, "the image has no frame_id");
-  require_not_ahead(stamp, now, "the image", "header.stamp");
-  wait_for_transform(tf, camera_frame, scene.ct_frame, stamp, timeout_s);
+  if (stamp.isZero()) throw Refusal(Code::INVALID_MESSAGE, "there is no stamp");
+  if (frame.empty()) throw Refusal(Code::INVALID_MESSAGE, "there is no frame_id");
+  require_not_ahead(stamp, now, "'" + frame + "'", "header.stamp");
+  wait_for_transform(tf, frame, scene.ct_frame, stamp, timeout_s);
   const Eigen::Isometry3d T_fixed_ct = look_up(tf, scene.fixed_frame, scene.ct_frame, stamp);
   const Eigen::Isometry3d difference = scene.T_fixed_ct.inverse() * T_fixed_ct;
   if (difference.translation().norm() > kSameMm ||
       Eigen::AngleAxisd(difference.linear()).angle() > kSameRad)
-    throw Refusal(Code::TF_STALE, "at the image's stamp " + seconds_text(stamp) +
+    throw Refusal(Code::TF_STALE, "at the stamp " + seconds_text(stamp) +
                                       " tf has the CT where another alignment has it");
-  return look_up(tf, camera_frame, scene.fixed_frame, stamp) * T_fixed_ct;
+  return look_up(tf, frame, scene.fixed_frame, stamp) * T_fixed_ct;
 } catch (const Refusal&) {
   throw;
 } catch (const InputError& error) {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/evaluation/study.h"
+#include "us_ct_registration/evaluation/study_run.h"
 #include "us_ct_registration/geometry/monotonic_table.h"
 
 namespace usct::test {
@@ -46,6 +46,43 @@ inline StudyCase small_stranger(const std::string& name, int number) {
 inline std::vector<StudyCase> small_cases() {
   return {small_case("a_1", 1), small_case("a_2", 2), small_case("b_1", 3), small_case("a_3", 4),
           small_case("b_2", 5)};
+}
+
+/// The cases as a study gets them.
+inline CaseSource in_memory(const std::vector<StudyCase>& cases) {
+  const auto shared = std::make_shared<const std::vector<StudyCase>>(cases);
+  return
+      [shared](std::size_t i) { return std::shared_ptr<const StudyCase>(shared, &shared->at(i)); };
+}
+
+/// The runs of all trials, in their order.
+inline std::vector<StudyRun> runs_of(const std::vector<StudyCase>& cases,
+                                     const std::vector<Trial>& trials, const Register& register_one,
+                                     StudyThreads how = StudyThreads::kOverTrials,
+                                     int threads = 2) {
+  std::vector<RunOrder> orders;
+  for (const Trial& trial : trials) orders.push_back({&trial, &register_one});
+  std::vector<StudyRun> runs(trials.size());
+  run_trials(in_memory(cases), orders, how, threads,
+             [&](std::size_t i, StudyRun&& run) { runs[i] = std::move(run); });
+  return runs;
+}
+
+/// Returns the start as the result; refuses if it rotates the CT by 2 rad or more.
+inline RegistrationResult register_nothing(const PreScanVolume& ultrasound, const CtVolume& ct,
+                                           const Eigen::Isometry3d& T_us_ct_initial) {
+  RegistrationResult result;
+  result.similarity = ultrasound.voxels[5] + ct.voxels[0];
+  result.candidates = {{T_us_ct_initial, 0.5, 1.0}};
+  if (Eigen::AngleAxisd(T_us_ct_initial.linear()).angle() < 2.0) {
+    result.status = RegistrationStatus::kRegistered;
+    result.T_us_ct = T_us_ct_initial;
+    result.covariance = Eigen::Matrix<double, 6, 6>::Identity() * 1e-4;
+  } else {
+    result.status = RegistrationStatus::kLowConfidence;
+  }
+  result.message = status_name(result.status);
+  return result;
 }
 
 /// A run of a case of group `group`, accepted with a result that is off by `error_mm` along x, or

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -19,28 +20,10 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-/// Returns the start as the result; refuses if it rotates the CT by 2 rad or more.
-RegistrationResult register_nothing(const PreScanVolume& ultrasound, const CtVolume& ct,
-                                    const Isometry3d& T_us_ct_initial) {
-  RegistrationResult result;
-  result.similarity = ultrasound.voxels[5] + ct.voxels[0];
-  result.candidates = {{T_us_ct_initial, 0.5, 1.0}};
-  if (Eigen::AngleAxisd(T_us_ct_initial.linear()).angle() < 2.0) {
-    result.status = RegistrationStatus::kRegistered;
-    result.T_us_ct = T_us_ct_initial;
-    result.covariance = Eigen::Matrix<double, 6, 6>::Identity() * 1e-4;
-  } else {
-    result.status = RegistrationStatus::kLowConfidence;
-  }
-  result.message = status_name(result.status);
-  return result;
-}
-
 TEST(RunTrials, TellTheErrorsOfWhatWasFound) {
   const std::vector<StudyCase> cases = small_cases();
   const std::vector<Trial> trials = plan_trials(cases, {});
-  const std::vector<StudyRun> runs =
-      run_trials(cases, trials, register_nothing, StudyThreads::kOverTrials, 2);
+  const std::vector<StudyRun> runs = runs_of(cases, trials, register_nothing);
   ASSERT_EQ(runs.size(), trials.size());
   std::size_t accepted = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
@@ -66,8 +49,9 @@ TEST(RunTrials, DoNotDependOnThreads) {
   const std::vector<Trial> trials = plan_trials(cases, options);
   const TemporaryFolder folder;
   const auto json = [&](StudyThreads how, int threads) {
-    write_study_json(run_trials(cases, trials, register_nothing, how, threads), {},
-                     folder.path() / "study.json");
+    std::vector<StudyRun> runs = runs_of(cases, trials, register_nothing, how, threads);
+    for (StudyRun& run : runs) run.peak_memory_mib.reset();
+    write_study_json({}, runs, {}, folder.path() / "study.json");
     return read_text(folder.path() / "study.json");
   };
   const std::string one = json(StudyThreads::kOverTrials, 1);
@@ -81,8 +65,7 @@ TEST(RunTrials, WithoutTruthThereAreNoErrors) {
   options.kinds = {TrialKind::kMirrored, TrialKind::kCtMirrored, TrialKind::kFarStart,
                    TrialKind::kHalfTurn};
   options.starts = 1;
-  for (const StudyRun& run : run_trials(cases, plan_trials(cases, options), register_nothing,
-                                        StudyThreads::kOverTrials, 1)) {
+  for (const StudyRun& run : runs_of(cases, plan_trials(cases, options), register_nothing)) {
     EXPECT_EQ(run.before.has_value(), has_truth(run.trial.kind));
     EXPECT_EQ(run.candidates.empty(), !has_truth(run.trial.kind));
   }
@@ -102,7 +85,7 @@ TEST(RunTrials, AHalfTurnIsRightIfThePoseIsTurnedToo) {
       result.T_us_ct = T_us_ct;
       return result;
     };
-    return run_trials(cases, plan_trials(cases, options), finds, StudyThreads::kOverTrials, 1)[0];
+    return runs_of(cases, plan_trials(cases, options), finds)[0];
   };
   const Isometry3d turn(Eigen::AngleAxisd(kPi, Vector3d::UnitY()));
   const StudyRun right = run_with(turn * cases[0].T_us_ct_true);
@@ -124,7 +107,9 @@ TEST(RunTrials, RegistersTheAlteredCt) {
     handedness.push_back(ct.grid.direction.determinant());
     return RegistrationResult{};
   };
-  run_trials(cases, plan_trials(cases, options), notes, StudyThreads::kWithinTrial, 1);
+  const std::vector<StudyRun> runs =
+      runs_of(cases, plan_trials(cases, options), notes, StudyThreads::kWithinTrial, 1);
+  EXPECT_TRUE(runs[0].peak_memory_mib.has_value());
   ASSERT_EQ(handedness.size(), 3U);
   EXPECT_NEAR(handedness[0], 1.0, 1e-12);
   EXPECT_NEAR(handedness[1], -1.0, 1e-12);
@@ -139,8 +124,8 @@ TEST(RunTrials, ThePhysicalErrorIncludesTheDeformation) {
   StudyOptions options;
   options.starts = 1;
   options.max_displacement_mm = 0.0;
-  const std::vector<StudyRun> runs = run_trials({deformed}, plan_trials({deformed}, options),
-                                                register_nothing, StudyThreads::kOverTrials, 1);
+  const std::vector<StudyRun> runs =
+      runs_of({deformed}, plan_trials({deformed}, options), register_nothing);
   for (const PoseErrors& errors : {*runs[0].before, *runs[0].after, runs[0].candidates.at(0)}) {
     EXPECT_NEAR(errors.rigid.max_mm, 0.0, 1e-9);
     EXPECT_NEAR(errors.physical.per_target_mm[0], 3.0, 1e-9);
@@ -158,12 +143,29 @@ TEST(RunTrials, AFailureEndsTheStudy) {
     if (++calls == 3) throw InputError("registration", "refuses its options");
     return RegistrationResult{};
   };
+  expect_input_error([&] { runs_of(cases, plan_trials(cases, {}), fails); },
+                     {"refuses its options"});
   expect_input_error(
-      [&] { run_trials(cases, plan_trials(cases, {}), fails, StudyThreads::kOverTrials, 2); },
-      {"refuses its options"});
-  expect_input_error(
-      [&] { run_trials(cases, plan_trials(cases, {}), fails, StudyThreads::kOverTrials, 0); },
+      [&] { runs_of(cases, plan_trials(cases, {}), fails, StudyThreads::kOverTrials, 0); },
       {"threads"});
+}
+
+TEST(RunTrials, TheMemoryIsThatOfTheRegistration) {
+  const std::vector<StudyCase> cases{small_case("a_1", 1)};
+  StudyOptions options;
+  options.starts = 2;
+  const auto run_with = [&](std::size_t mib) {
+    const Register holds = [mib](const PreScanVolume&, const CtVolume&, const Isometry3d&) {
+      const std::vector<char> held(mib << 20U, 'x');
+      RegistrationResult result;
+      result.evaluations = std::count(held.begin(), held.end(), 'x') > 0 ? 1 : 0;
+      return result;
+    };
+    return runs_of(cases, plan_trials(cases, options), holds, StudyThreads::kWithinTrial, 1)[1];
+  };
+  EXPECT_NEAR(*run_with(96).peak_memory_mib, 96.0, 8.0);
+  EXPECT_NEAR(*run_with(16).peak_memory_mib, 16.0, 8.0);
+  EXPECT_FALSE(runs_of(cases, plan_trials(cases, options), register_nothing)[0].peak_memory_mib);
 }
 
 TEST(StudyRun, SecondsAreTheTotalOrTheSumOfStages) {
@@ -178,21 +180,23 @@ TEST(StudyReport, TablesHoldTheStatistics) {
   const std::vector<StudyRun> runs{run_with_error("b", 1.0, 3.0, 2.0),
                                    run_with_error("b", 2.5, 12.0, 8.0),
                                    run_with_error("b", -1.0, 19.0, 3.0)};
-  const std::string table = accuracy_markdown(runs, {0.0, 10.0, 20.0});
+  const std::string table = markdown(accuracy_table(runs, {0.0, 10.0, 20.0}));
   EXPECT_NE(table.find("| b | 3 | 1 | 1.75 / 1.75 / 1.06 | 1.75 / 1.75 / 1.06 | "
                        "2.75 / 2.75 / 3.50 | 33.3 | 66.7 | 66.7 | 2.50 | 3.00 | 100.0 of 1 | "
                        "50.0 of 2 |"),
             std::string::npos)
       << table;
-  EXPECT_EQ(calibration_markdown(runs), "No accepted run tells an expected error.\n");
-  EXPECT_EQ(negatives_markdown(runs), "");
+  EXPECT_EQ(markdown(calibration_table(runs)), "No accepted run tells an expected error.\n");
+  EXPECT_EQ(markdown(negatives_table(runs)), "");
 }
 
 TEST(StudyReport, ThesisTableIsPerCase) {
   const std::vector<StudyRun> runs{run_with_error("b", 1.0, 3.0, 2.0),
                                    run_with_error("b", 2.0, 3.0, 4.0),
                                    run_with_error("b", 9.0, 3.0, 6.0)};
-  const std::string table = thesis_markdown({small_case("b_1", 1)}, runs);
+  StudyPlan plan;
+  plan.cases = {small_case("b_1", 1)};
+  const std::string table = markdown(thesis_table(plan, in_memory(plan.cases), runs));
   EXPECT_NE(
       table.find("| b_1 | 3 | 66.7 | 1.50 | 0.71 | (24, 12, 6) | (4.00 mm, 2.86 deg, 5.73 deg) "
                  "| 4.00 |"),
@@ -201,12 +205,13 @@ TEST(StudyReport, ThesisTableIsPerCase) {
 }
 
 TEST(StudyReport, ThesisTableTellsTheSizeOfWhatIsRegistered) {
-  const StudyCase study_case = small_case("b_1", 1);
+  StudyPlan plan;
+  plan.cases = {small_case("b_1", 1)};
   BeamOptions parallel;
   parallel.parallel_beams_mm = 8.0;
-  const Grid grid = fan_grid(study_case.ultrasound.geometry, 8.0);
-  const std::string table =
-      thesis_markdown({study_case}, {run_with_error("b", 1.0, 3.0, 2.0)}, parallel);
+  const Grid grid = fan_grid(plan.cases[0].ultrasound.geometry, 8.0);
+  const std::string table = markdown(
+      thesis_table(plan, in_memory(plan.cases), {run_with_error("b", 1.0, 3.0, 2.0)}, parallel));
   EXPECT_NE(table.find("(" + std::to_string(grid.size.x()) + ", " + std::to_string(grid.size.y()) +
                        ", " + std::to_string(grid.size.z()) + ") | (8.00 mm, 8.00 mm, 8.00 mm)"),
             std::string::npos)
@@ -217,7 +222,7 @@ TEST(StudyReport, NegativesAreCountedByStatus) {
   std::vector<StudyRun> runs{run_with_error("b", -1.0), run_with_error("b", 1.0)};
   for (StudyRun& run : runs) run.trial.kind = TrialKind::kMirrored;
   runs[1].after.reset();
-  const std::string table = negatives_markdown(runs);
+  const std::string table = markdown(negatives_table(runs));
   // Not both of two trials happen in 5 % of all studies if p^2 = 0.95.
   EXPECT_NE(table.find("| mirrored | 2 | 1 (low_confidence 1) | - | 1 | 50.0, 97.47 |"),
             std::string::npos)
@@ -227,20 +232,21 @@ TEST(StudyReport, NegativesAreCountedByStatus) {
 TEST(StudyReport, JsonTellsEveryRunAndNullForWhatIsUnknown) {
   const std::vector<StudyCase> cases = small_cases();
   const std::vector<Trial> trials = plan_trials(cases, {});
-  std::vector<StudyRun> runs =
-      run_trials({cases}, {trials[0], trials[9]}, register_nothing, StudyThreads::kOverTrials, 1);
+  std::vector<StudyRun> runs = runs_of(cases, {trials[0], trials[9]}, register_nothing);
   runs[0].result.overlap = std::nan("");
-  runs[0].result.options = {{"depth_error", "0.01"}};
+  Study study;
+  study.methods = {{"scan-converted", {}, 1.5}};
   const TemporaryFolder folder;
-  write_study_json(runs, {{"seed", "1"}}, folder.path() / "study.json");
+  write_study_json(study, runs, {}, folder.path() / "study.json");
   const auto json = nlohmann::json::parse(read_text(folder.path() / "study.json"));
-  EXPECT_EQ(json["study"]["seed"], "1");
+  EXPECT_EQ(json["study"]["starts"]["seeds"], nlohmann::json({1}));
+  EXPECT_EQ(json["study"]["methods"][0]["parallel_beams_mm"], 1.5);
+  EXPECT_EQ(json["study"]["methods"][0]["options"]["seed"], "1");
   ASSERT_EQ(json["runs"].size(), 2U);
   const auto& first = json["runs"][0];
   EXPECT_EQ(first["case"], "a_1");
   EXPECT_EQ(first["kind"], "start");
   EXPECT_EQ(first["status"], status_name(runs[0].result.status));
-  EXPECT_EQ(first["options"]["depth_error"], "0.01");
   EXPECT_TRUE(first["overlap"].is_null());
   EXPECT_EQ(first["before_tre_mm"]["mean"], runs[0].before->rigid.mean_mm);
   EXPECT_EQ(first["before_physical_mm"]["median"], runs[0].before->physical.median_mm);

@@ -60,7 +60,7 @@ TEST(PlanTrials, OfACaseDependOnTheSeedButNotOnOtherCases) {
   const std::vector<Trial> alone = plan_trials({cases[2]}, options);
   for (std::size_t i = 0; i < alone.size(); ++i)
     EXPECT_EQ(alone[i].T_us_ct_initial.matrix(), all[2 * 9 + i].T_us_ct_initial.matrix());
-  options.seed = 2;
+  options.seeds = {2};
   EXPECT_NE(plan_trials({cases[2]}, options)[0].T_us_ct_initial.matrix(),
             alone[0].T_us_ct_initial.matrix());
   EXPECT_NE(alone[0].seed, alone[1].seed);
@@ -149,7 +149,7 @@ TEST(PlanTrials, StrangersComeInTurnWithTheirKidneyInPlace) {
 TEST(PlanTrials, ImagesOfNegativesAreWhatTheySay) {
   const std::vector<StudyCase> cases = small_cases();
   const auto us_of = [&](TrialKind kind) {
-    return trial_ultrasound(cases, trials_of(cases, kind)[0]).voxels;
+    return trial_ultrasound(cases[0], trials_of(cases, kind)[0]).voxels;
   };
   const PreScanVolume& us = cases[0].ultrasound;
   EXPECT_EQ(us_of(TrialKind::kMirrored), lines_reversed(us).voxels);
@@ -164,7 +164,7 @@ TEST(PlanTrials, ImagesOfNegativesAreWhatTheySay) {
   for (const TrialKind kind : negative_kinds()) {
     if (kind == TrialKind::kStranger) continue;
     const Trial trial = trials_of(cases, kind)[0];
-    const std::optional<CtVolume> ct = altered_ct(cases, trial);
+    const std::optional<CtVolume> ct = altered_ct(cases[trial.ct_case], trial);
     EXPECT_EQ(ct.has_value(), kind == TrialKind::kCtMirrored || kind == TrialKind::kCtAxesSwapped);
     if (kind == TrialKind::kCtMirrored) {
       EXPECT_TRUE(same_grid(ct->grid, mirrored_ct(cases[0].ct, centre).grid));

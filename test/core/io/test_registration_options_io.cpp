@@ -234,6 +234,13 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
   expect_refused("preset: patient\nbeams: bent\n", {"'beams' is 'bent'", "any, parallel"});
   expect_refused(level("optimizer: {method: newton}"),
                  {"'search.levels[1].optimizer.method' is 'newton'", "bobyqa"});
+  for (const std::string& text :
+       {level("optimizer: {method: gauss_newton}"),
+        std::string("preset: patient\nrefinement: {similarity: {channel: along_beam}, "
+                    "optimizer: {method: gauss_newton}}\n"),
+        std::string("preset: patient\nconfidence: {ridge_similarity: {channel: along_beam}, "
+                    "parts: {optimizer: {method: gauss_newton}}}\n")})
+    expect_refused(text, {"optimizer.method' is 'gauss_newton'", "no derivatives"});
   for (const char* seed : {"-1", "4294967296", "0.5", "x"})
     expect_refused("preset: patient\nseed: " + std::string(seed) + "\n", {"'seed'", seed});
   expect_refused("preset: patient\nsearch: {levels: 3}\n", {"'search.levels' must be a list"});

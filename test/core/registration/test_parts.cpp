@@ -51,13 +51,14 @@ FieldPoints field() {
 }
 
 /// The poses of the halves, from poses near those of the images.
-std::vector<HalfPoses> halves_of(const BeamUltrasound& us, const std::vector<MirroredPose>& from) {
+std::vector<HalfPoses> halves_of(const BeamUltrasound& us, const std::vector<MirroredPose>& from,
+                                 OptimizerMethod method = OptimizerMethod::kBobyqa) {
   const SimilarityImages images(std::make_shared<const BeamUltrasound>(us),
                                 pack_ct(ct(), kWindow, kBackgroundHu), nullptr);
   LocalLc2Options similarity;
   similarity.patches = cubes(7.0);
   PartOptions options;
-  options.optimizer.method = OptimizerMethod::kBobyqa;
+  options.optimizer.method = method;
   options.optimizer.max_evaluations = 500;
   options.optimizer.initial_step = 1.0;
   options.optimizer.step_tolerance = 0.01;
@@ -131,6 +132,14 @@ TEST(Parts, HalvesOfMirroredUltrasoundFindItsPoses) {
     EXPECT_LT(field().distance_mm(halves.right, kOne), kFoundMm);
     EXPECT_LT(field().distance_mm(halves.left, kOther), kFoundMm);
   }
+}
+
+TEST(Parts, GaussNewtonFindsThePosesOfHalves) {
+  const BeamUltrasound us = seen([](int, int line) { return line < 16 ? kOne : kOther; });
+  const std::vector<HalfPoses> found = halves_of(us, {{}}, OptimizerMethod::kGaussNewton);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(field().distance_mm(found[0].left, kOne), kFoundMm);
+  EXPECT_LT(field().distance_mm(found[0].right, kOther), kFoundMm);
 }
 
 TEST(Parts, AHalfWithoutStructureSaysNothing) {

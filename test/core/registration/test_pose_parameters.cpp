@@ -67,6 +67,23 @@ RC_GTEST_PROP(PoseParameters, OneUnitMovesThePointsByAMillimetre, ()) {
   RC_ASSERT(std::abs(displacement_mm / (2.0 * kStep) - 1.0) < 1e-6);
 }
 
+RC_GTEST_PROP(PoseParameters, MotionDerivativeIsThatOfFiniteDifferences, ()) {
+  const PoseParameters pose(random_pose(400.0), random_points());
+  PoseVector at = random_parameters(10.0);
+  if (integer(0, 3) == 0) at.setZero();
+  const Eigen::Matrix<double, 6, 6> derivative = pose.motion_derivative(at);
+  constexpr double kStep = 1e-4;
+  for (int i = 0; i < 6; ++i) {
+    const Isometry3d motion = pose.T_us_ct(at + kStep * PoseVector::Unit(i)) *
+                              pose.T_us_ct(at - kStep * PoseVector::Unit(i)).inverse();
+    const Eigen::AngleAxisd turn(motion.linear());
+    PoseVector expected;
+    expected << turn.angle() * turn.axis(), motion.translation();
+    expected /= 2.0 * kStep;
+    RC_ASSERT((derivative.col(i) - expected).norm() < 1e-4 * (1.0 + expected.norm()));
+  }
+}
+
 RC_GTEST_PROP(PoseParameters, RotationTurnsAboutTheCentreOfThePoints, ()) {
   const std::vector<Vector3d> points_us = random_points();
   Vector3d centre = Vector3d::Zero();

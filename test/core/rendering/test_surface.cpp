@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <random>
+#include <tuple>
 
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -208,6 +209,28 @@ TEST(Surface, OfAThinSheetIsThereWithFewTriangles) {
   EXPECT_LE(sheet.triangles.size(), 1000U);
   expect_closed(sheet);
   for (const Eigen::Vector3d& p : sheet.points_mm) EXPECT_NEAR(p.z(), 2.0, 1.0);
+}
+
+TEST(Surface, LabelsThatTheBorderCutsAreNamed) {
+  Grid grid;
+  grid.size = {12, 10, 8};
+  LabelVolume labels(grid, 0);
+  const LabelTable table{{2, {"tumour", std::nullopt}}, {3, {"artery", std::nullopt}}};
+  for (const auto& [i, j, k] :
+       {std::tuple(0, 4, 4), {11, 4, 4}, {5, 0, 4}, {5, 9, 4}, {5, 4, 0}, {5, 4, 7}}) {
+    LabelVolume cut = labels;
+    cut.at(i, j, k) = 2;
+    cut.at(5, 5, 5) = 3;
+    EXPECT_EQ(border_warning(cut, table),
+              "the label map ends inside '2 tumour': surfaces end there in planes");
+  }
+  labels.at(1, 1, 1) = 2;
+  labels.at(10, 8, 6) = 3;
+  EXPECT_EQ(border_warning(labels, table), "");
+  labels.at(0, 0, 0) = 2;
+  labels.at(11, 9, 7) = 3;
+  EXPECT_EQ(border_warning(labels, table),
+            "the label map ends inside '2 tumour', '3 artery': surfaces end there in planes");
 }
 
 TEST(Surface, TooFewTrianglesAreRefused) {

@@ -153,11 +153,14 @@ TEST_F(Refusal, AStudyCanAskForPosesWithoutAJudgement) {
     return nlohmann::json::parse(read_text(path("study.json")));
   };
   const nlohmann::json judged = study({});
-  EXPECT_EQ(judged["study"]["unjudged"], "false");
+  const auto gate_of = [](const nlohmann::json& json) {
+    return json["study"]["methods"][0]["options"]["confidence.gates.max_wrong_probability"];
+  };
+  EXPECT_NE(gate_of(judged), "none");
   EXPECT_EQ(judged["runs"][0]["status"], "low_confidence");
   EXPECT_TRUE(judged["runs"][0]["measures"].contains("wrong_probability"));
   const nlohmann::json unjudged = study({"--unjudged"});
-  EXPECT_EQ(unjudged["study"]["unjudged"], "true");
+  EXPECT_EQ(gate_of(unjudged), "none");
   EXPECT_EQ(unjudged["runs"][0]["status"], "registered");
   EXPECT_FALSE(unjudged["runs"][0]["measures"].contains("wrong_probability"));
 }

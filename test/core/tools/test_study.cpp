@@ -50,7 +50,8 @@ class Study : public testing::Test {
   /// The JSON of the last study, without the entries that differ from run to run.
   static nlohmann::json runs() {
     auto json = nlohmann::json::parse(read_text(path("study.json")));
-    for (auto& run : json["runs"]) run.erase("seconds");
+    for (auto& run : json["runs"])
+      for (const char* cost : {"seconds", "peak_memory_mib"}) run.erase(cost);
     return json["runs"];
   }
 
@@ -122,6 +123,83 @@ TEST_F(Study, StartsFromABoxOfParallelBeams) {
       study({"--starts", "2", "--box-mm", "4", "--box-deg", "3", "--parallel-beams", "2"});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
   EXPECT_EQ(runs().size(), 4U);
+}
+
+/// A study file of both phantoms, two methods and six starts: 24 runs.
+class StudyOfAFile : public Study {
+ protected:
+  void SetUp() override {
+    write_text(path("file.yaml"),
+               "cases: [agar_*]\n"
+               "methods: [{preset: fast}, {name: one, preset: fast, judged: false}]\n"
+               "starts: {count: 6, max_displacement_mm: 9}\n");
+    for (const char* folder : {"whole", "parts", "file"}) std::filesystem::remove_all(path(folder));
+  }
+  static Outcome carry_out(const std::string& folder, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"study", path("file.yaml"), "--output", path(folder)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_usct(arguments);
+  }
+  static std::string tables(const std::string& folder) {
+    return read_text(path(folder) + "/tables.md");
+  }
+};
+
+TEST_F(StudyOfAFile, EndedByForceAndBegunAgainHasTheSameTable) {
+  const Outcome whole = carry_out("whole", {"--threads", "2"});
+  ASSERT_EQ(whole.exit_status, 0) << whole.errors;
+  EXPECT_NE(whole.errors.find("24 of 24 runs"), std::string::npos) << whole.errors;
+  EXPECT_NE(tables("whole").find("| fast | 2 | 12 | "), std::string::npos) << tables("whole");
+  EXPECT_NE(whole.output.find(tables("whole")), std::string::npos);
+  const std::string killed = "timeout --signal=KILL 0.3 '" USCT_TOOL "' study '" +
+                             path("file.yaml") + "' --quiet --threads 1 --output '" +
+                             path("parts") + "'";
+  EXPECT_NE(std::system((killed + " > /dev/null 2>&1").c_str()), 0);
+  EXPECT_EQ(tables("parts"), "");
+  const Outcome rest = carry_out("parts", {"--threads", "3"});
+  ASSERT_EQ(rest.exit_status, 0) << rest.errors;
+  EXPECT_EQ(tables("parts"), tables("whole"));
+}
+
+TEST_F(StudyOfAFile, ShardsHaveTheSameTableAsTheWhole) {
+  const Outcome second = carry_out("parts", {"--shard", "2/2", "--quiet"});
+  ASSERT_EQ(second.exit_status, 0) << second.errors;
+  EXPECT_NE(second.output.find("12 of 24 runs of the study are done"), std::string::npos);
+  EXPECT_EQ(carry_out("parts", {"--shard", "1/2", "--quiet"}).exit_status, 0);
+  ASSERT_EQ(carry_out("whole", {"--quiet"}).exit_status, 0);
+  EXPECT_EQ(tables("parts"), tables("whole"));
+}
+
+TEST_F(StudyOfAFile, AChangedCaseIsRegisteredAgain) {
+  ASSERT_EQ(carry_out("parts", {"--quiet"}).exit_status, 0);
+  const std::string targets = read_text(path("agar_2/targets.csv"));
+  write_text(path("agar_2/targets.csv"), targets + "\n");
+  const Outcome outcome = carry_out("parts", {"--quiet"});
+  write_text(path("agar_2/targets.csv"), targets);
+  EXPECT_NE(outcome.errors.find("12 lines are of other runs"), std::string::npos) << outcome.errors;
+}
+
+TEST_F(StudyOfAFile, WritesBelowTheFileByDefaultAndDrawsTheWorstOfEachMethod) {
+  const Outcome outcome =
+      run_usct({"study", path("file.yaml"), "--quiet", "--pictures", path("worst")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  const auto json = nlohmann::json::parse(read_text(path("file/study.json")));
+  ASSERT_EQ(json["pictures"].size(), 2U);
+  for (const auto& picture : json["pictures"])
+    EXPECT_TRUE(std::filesystem::exists(path("file/" + picture["folder"].get<std::string>()) +
+                                        "/before_after.png"));
+  EXPECT_EQ(json["runs"].size(), 24U);
+}
+
+TEST_F(StudyOfAFile, OptionsOfTheOtherKindOfStudyAreRefused) {
+  const auto refused = [](const Outcome& outcome, const std::string& named) {
+    EXPECT_EQ(outcome.exit_status, 2);
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  };
+  refused(carry_out("parts", {"--starts", "3"}), "--starts: belongs into the study file");
+  refused(carry_out("parts", {"--shard", "3/2"}), "--shard: is 3/2");
+  refused(carry_out("parts", {path("agar_1")}), "must be given alone");
+  refused(study({"--shard", "1/2"}), "--shard: is for a study file");
 }
 
 TEST_F(Study, BadArgumentsEndWithStatusTwo) {

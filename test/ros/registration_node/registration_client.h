@@ -18,7 +18,9 @@
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/eventually.h"
 #include "ros/refusal.h"
+#include "ros/tf_source.h"
 
 namespace usct::ros_interface {
 
@@ -28,18 +30,6 @@ using Result = msg::RegistrationResult;
 using Client = actionlib::SimpleActionClient<msg::RegisterAction>;
 
 constexpr double kGoodMm = 1.0;
-inline const ::ros::Duration kLimit(60.0);
-inline const ::ros::WallDuration kPoll(0.01);
-
-template <typename Condition>
-bool eventually(Condition&& condition) {
-  const ::ros::WallTime end = ::ros::WallTime::now() + ::ros::WallDuration(kLimit.toSec());
-  while (::ros::WallTime::now() < end) {
-    if (condition()) return true;
-    kPoll.sleep();
-  }
-  return false;
-}
 
 /// The newest message of a topic.
 template <typename Message>

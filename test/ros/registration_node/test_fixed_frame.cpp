@@ -1,9 +1,9 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
-#include <tf2_ros/transform_broadcaster.h>
 #include <us_ct_registration/Alignment.h>
 
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <thread>
@@ -17,11 +17,18 @@ using Eigen::Isometry3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// Broadcasts the pose of the ultrasound's frame in "patient" all the time.
+/// Broadcasts the pose of the ultrasound's frame in "patient" all the time, from when the node
+/// listens.
 class Tracking {
  public:
   using Pose = std::function<Isometry3d(double time_s)>;
-  explicit Tracking(Pose pose) : pose_(std::move(pose)), thread_([this] { run(); }) {}
+  Tracking(RegistrationClient& client, Pose pose)
+      : pose_(std::move(pose)), tf_(client.node, {client.node.resolveName("registration")}) {
+    publish();
+    thread_ = std::thread([this] {
+      while (!stopping_) publish();
+    });
+  }
   ~Tracking() {
     stopping_ = true;
     thread_.join();
@@ -29,20 +36,14 @@ class Tracking {
   Isometry3d T_patient_us(const ::ros::Time& time) const { return pose_(time.toSec()); }
 
  private:
-  void run() {
-    tf2_ros::TransformBroadcaster broadcaster;
-    while (!stopping_) {
-      const ::ros::Time now = ::ros::Time::now();
-      geometry_msgs::TransformStamped transform;
-      transform.header = header("patient", now);
-      transform.child_frame_id = "us";
-      transform.transform = to_message(pose_(now.toSec()));
-      broadcaster.sendTransform(transform);
-      kPoll.sleep();
-    }
+  void publish() const {
+    const ::ros::Time now = ::ros::Time::now();
+    tf_.publish(tf_of_us(now, T_patient_us(now), "us"));
+    ::ros::WallDuration(0.01).sleep();
   }
 
   const Pose pose_;
+  const TfSource tf_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;
 };
@@ -56,11 +57,12 @@ TEST(Registration, FixedFrameNeedsTfAtTheStamp) {
   EXPECT_THAT(client.call_until_code(Status::TF_UNAVAILABLE).status.message,
               AllOf(HasSubstr("'untracked'"), HasSubstr("'patient'")));
 
-  const double jump_s = ::ros::Time::now().toSec() + 1.0;
-  const Tracking tracking([&](double time_s) {
+  std::atomic<double> jump_s{std::numeric_limits<double>::infinity()};
+  const Tracking tracking(client, [&](double time_s) {
     return time_s < jump_s ? Isometry3d(kPatientUs * test::rigid({0, 0, 0}, {0, 0, 25}))
                            : kPatientUs;
   });
+  jump_s = ::ros::Time::now().toSec() + 1.0;
   EXPECT_EQ(client.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
   client.send(agar_ultrasound(::ros::Time(jump_s)));
   EXPECT_THAT(client.call_until_code(Status::TF_JUMPED).status.message,
@@ -74,7 +76,7 @@ TEST(Registration, FixedFrameNeedsTfAtTheStamp) {
 
 TEST(Registration, ResultIsAnchoredInTheFixedFrame) {
   RegistrationClient client("fixed");
-  const Tracking tracking([](double) { return kPatientUs; });
+  const Tracking tracking(client, [](double) { return kPatientUs; });
   client.send_ct(agar().ct, 2, ::ros::Time::now() - ::ros::Duration(20.0));
   EXPECT_EQ(client.set(kPatientUs * test::nearby(agar()), "patient").status.code, Status::OK);
   ::ros::Time stamp;
@@ -117,7 +119,7 @@ msg::Alignment accepted_alignment(const Isometry3d& T_patient_ct, std::uint32_t 
 TEST(Registration, ContinuousNodeletFollowsTheProbe) {
   RegistrationClient client("continuous");
   const test::RegistrationCase& images = test::patient_case();
-  const Tracking tracking([](double time_s) {
+  const Tracking tracking(client, [](double time_s) {
     return Isometry3d(
         kPatientUs * test::rigid({0.05 * std::sin(time_s), 0, 0}, {15.0 * std::sin(time_s), 0, 0}));
   });

@@ -6,6 +6,7 @@
 #include <us_ct_registration/SaveFusion.h>
 #include <us_ct_registration/SetFusionMode.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
@@ -36,10 +37,13 @@ class FusionViewNodes {
   explicit FusionViewNodes(const std::string& name)
       : name_(name),
         client_(name),
-        tf_(client_.node.advertise<tf2_msgs::TFMessage>("/tf", 100)),
+        tf_(client_.node, processes(name)),
         sheets_(client_.node, "fusion/sheet"),
-        diagnostics_(client_.node, "/diagnostics") {
-    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 12; }));
+        diagnostics_(client_.node, "/diagnostics") {}
+
+  static std::set<std::string> processes(const std::string& name) {
+    if (name == "fusion_nodelets") return {"/" + name + "/manager"};
+    return {"/" + name + "/registration", "/" + name + "/fusion_view"};
   }
 
   void send_ct(const CtVolume& ct, unsigned revision) {
@@ -61,7 +65,13 @@ class FusionViewNodes {
   std::uint8_t decide(const std::string& verb, std::uint64_t id) {
     msg::Decide call;
     call.request.result_id = id;
-    EXPECT_TRUE(::ros::service::call(client_.node.resolveName("registration/" + verb), call));
+    const std::string service = client_.node.resolveName("registration/" + verb);
+    EXPECT_TRUE(::ros::service::waitForService(service, kLimit));
+    // The client may have got the result earlier than the node that decides.
+    EXPECT_TRUE(eventually([&] {
+      EXPECT_TRUE(::ros::service::call(service, call));
+      return call.response.status.code != Status::NOTHING_TO_DECIDE;
+    }));
     return call.response.status.code;
   }
 
@@ -97,23 +107,34 @@ class FusionViewNodes {
   Result registered() {
     EXPECT_EQ(client_.set(kPatientUsInView * test::nearby(agar()), "patient").status.code,
               Status::OK);
-    const Result result =
-        client_.call_until([&](const Result& r) { return r.us_stamp == sweep_.header.stamp; });
+    const Result result = client_.call_until([&](const Result& r) {
+      return r.us_stamp == sweep_.header.stamp && r.ct_revision == ct_.revision;
+    });
     EXPECT_EQ(result.status.code, Status::REGISTERED) << result.status.message;
     return result;
   }
 
-  /// A value of the node's diagnostics.
+  /// Waits until the node's diagnostics, from now on, fulfil the condition.
+  template <typename Condition>
+  void wait_for_diagnosis(Condition&& condition) {
+    const ::ros::Time begin = ::ros::Time::now();
+    diagnostics_.wait([&](const diagnostic_msgs::DiagnosticArray& array) {
+      return array.header.stamp >= begin &&
+             std::any_of(array.status.begin(), array.status.end(), [&](const auto& status) {
+               return status.name.rfind(name_ + "/fusion_view", 0) == 0 && condition(status);
+             });
+    });
+  }
+
+  /// A value of the node's diagnostics from now on.
   std::string diagnosed(const std::string& key, const std::string& words = "") {
     std::string value;
-    diagnostics_.wait([&](const diagnostic_msgs::DiagnosticArray& array) {
-      for (const auto& status : array.status)
-        if (status.name.rfind(name_ + "/fusion_view", 0) == 0)
-          for (const auto& one : status.values)
-            if (one.key == key && one.value.find(words) != std::string::npos) {
-              value = one.value;
-              return true;
-            }
+    wait_for_diagnosis([&](const diagnostic_msgs::DiagnosticStatus& status) {
+      for (const auto& one : status.values)
+        if (one.key == key && one.value.find(words) != std::string::npos) {
+          value = one.value;
+          return true;
+        }
       return false;
     });
     return value;
@@ -139,7 +160,7 @@ class FusionViewNodes {
 
   const std::string name_;
   RegistrationClient client_;
-  ::ros::Publisher tf_;
+  TfSource tf_;
   msg::PreScanVolume sweep_;
   msg::CtVolume ct_;
   Newest<sensor_msgs::Image> sheets_;
@@ -248,9 +269,15 @@ TEST_P(FusionViewLater, SavesBelowTheFolderOnlyAndDrawsOnlyIfAsked) {
   send_ultrasound(0.0, "us_saved");
   send_ct(agar().ct, 7);
   diagnosed("stamp of the ultrasound (s)", stamp());
+  const auto is_of_this = [&](const auto& image) {
+    return image.header.stamp == sweep_.header.stamp;
+  };
+  sheets_.wait(is_of_this);
   sheets_.shut_down();
   EXPECT_EQ(save(file.string()).code, Status::OK);
-  ::ros::Duration(0.5).sleep();  // some periods of the diagnostics
+  wait_for_diagnosis([](const diagnostic_msgs::DiagnosticStatus& status) {
+    return status.message == "nobody subscribes to the view";
+  });
   const int before = std::stoi(diagnosed("drawings"));
   send_ultrasound(0.0, "us_unseen");
   diagnosed("stamp of the ultrasound (s)", stamp());

@@ -13,30 +13,35 @@ using Eigen::Isometry3d;
 using testing::AllOf;
 using testing::HasSubstr;
 
+constexpr unsigned kCtRevision = 7;
 const Isometry3d kPatientUsAtStart = test::rigid({0.2, 0.7, -0.4}, {110, 60, 900});
 
 /// The nodes of a namespace run as processes, or as nodelets of one manager.
 class TimeAndMotion : public testing::TestWithParam<const char*> {
  protected:
-  TimeAndMotion()
-      : client_(GetParam()), tf_(client_.node.advertise<tf2_msgs::TFMessage>("/tf", 100)) {
-    // All processes of the launch file that listen to tf are connected.
-    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 12; }));
+  TimeAndMotion() : client_(GetParam()), tf_(client_.node, processes()) {}
+
+  static std::set<std::string> processes() {
+    const std::string space = std::string("/") + GetParam();
+    if (space == "/nodelets") return {space + "/manager"};
+    return {space + "/registration", space + "/us_cloud", space + "/tf_publisher"};
   }
 
   Result register_moving(double share, double drift_mm, const std::string& us_frame) {
     const MovingSweep moving = moving_sweep(kPatientUsAtStart, share, drift_mm, us_frame);
     const ::ros::Time end = moving.sweep.header.stamp;
     tf_.publish(moving.poses);
-    client_.send_ct(agar().ct, 7, end - ::ros::Duration(30.0));
+    client_.send_ct(agar().ct, kCtRevision, end - ::ros::Duration(30.0));
     EXPECT_EQ(client_.set(kPatientUsAtStart * test::nearby(agar()), "patient").status.code,
               Status::OK);
     client_.send(moving.sweep);
-    return client_.call_until([&](const Result& result) { return result.us_stamp == end; });
+    return client_.call_until([&](const Result& result) {
+      return result.us_stamp == end && result.ct_revision == kCtRevision;
+    });
   }
 
   RegistrationClient client_;
-  ::ros::Publisher tf_;
+  TfSource tf_;
 };
 
 double measure(const Result& result, const std::string& name) {

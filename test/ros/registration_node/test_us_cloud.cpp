@@ -46,7 +46,7 @@ class UsCloudNode : public testing::Test {
  protected:
   UsCloudNode()
       : node_("clouds"),
-        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)),
+        tf_(node_, {"/clouds/us_cloud"}),
         us_(node_.advertise<msg::PreScanVolume>("us/volume", 1)),
         ct_(node_.advertise<msg::CtVolume>("ct/volume", 1)),
         surface_(node_.advertise<MarkerArray>("ct/surface", 1)),
@@ -59,7 +59,6 @@ class UsCloudNode : public testing::Test {
     for (const ::ros::Publisher* publisher : {&us_, &ct_, &surface_, &alignment_, &proposed_})
       EXPECT_TRUE(eventually([&] { return publisher->getNumSubscribers() == 1; }))
           << publisher->getTopic();
-    EXPECT_TRUE(eventually([&] { return tf_.getNumSubscribers() >= 13; }));
   }
 
   /// The cloud of a moving probe's sweep.
@@ -84,7 +83,7 @@ class UsCloudNode : public testing::Test {
   }
 
   ::ros::NodeHandle node_;
-  ::ros::Publisher tf_;
+  TfSource tf_;
   ::ros::Publisher us_;
   ::ros::Publisher ct_;
   ::ros::Publisher surface_;

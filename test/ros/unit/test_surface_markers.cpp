@@ -46,6 +46,7 @@ TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
   const visualization_msgs::MarkerArray none = placed(surfaces, "patient", std::nullopt, 0.5);
   ASSERT_EQ(none.markers.size(), 1u);
   EXPECT_EQ(none.markers[0].action, visualization_msgs::Marker::DELETEALL);
+  EXPECT_EQ(none.markers[0].header.frame_id, "patient");
 }
 
 TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
@@ -58,6 +59,7 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
       refused_markers(surfaces, {"patient", T_patient_ct, reason, {0, 0, 400}, {0, 0, -100}}, 0.5);
   ASSERT_EQ(found.markers.size(), 5u);
   EXPECT_EQ(found.markers[0].action, Marker::DELETEALL);
+  EXPECT_EQ(found.markers[0].header.frame_id, "patient");
   for (std::size_t i = 1; i < 5; ++i) {
     const Marker& marker = found.markers[i];
     EXPECT_EQ(marker.ns, "REFUSED");
@@ -89,6 +91,7 @@ TEST(ProposedMarkers, AreAmberAndSayWhatWaitsWhereThereIsAPlaceForIt) {
   const auto found = proposed_markers(surfaces, proposed, 0.5);
   ASSERT_EQ(found.markers.size(), 4u);
   EXPECT_EQ(found.markers[0].action, Marker::DELETEALL);
+  EXPECT_EQ(found.markers[0].header.frame_id, "patient");
   for (std::size_t i = 1; i < 4; ++i) {
     EXPECT_EQ(found.markers[i].ns, "PROPOSED");
     EXPECT_EQ(found.markers[i].header.frame_id, "patient");

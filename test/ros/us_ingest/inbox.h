@@ -3,27 +3,13 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <ros/ros.h>
 
-#include <cstdint>
-#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
 
+#include "ros/eventually.h"
+
 namespace usct::ros_interface {
-
-constexpr double kLimit_s = 60.0;
-/// Processes of us_ingest.test that listen to tf. A test that publishes poses waits for all of
-/// them: with fewer, the node that it tests may not be among those connected.
-constexpr std::uint32_t kTfListeners = 4;
-
-inline bool wait_for(const std::function<bool()>& condition) {
-  const ::ros::WallTime end = ::ros::WallTime::now() + ::ros::WallDuration(kLimit_s);
-  while (!condition()) {
-    if (::ros::WallTime::now() > end || !::ros::ok()) return false;
-    ::ros::WallDuration(0.01).sleep();
-  }
-  return true;
-}
 
 /// The messages of a topic, in the order of arrival.
 template <typename Message>
@@ -41,11 +27,11 @@ class Inbox {
     return messages_;
   }
   bool wait(std::size_t count) const {
-    return wait_for([&] { return all().size() >= count; });
+    return eventually([&] { return all().size() >= count; });
   }
   /// The topic is latched: of messages that were sent before the connection only the last arrives.
   bool wait_for_publisher() const {
-    return wait_for([&] { return subscriber_.getNumPublishers() > 0; });
+    return eventually([&] { return subscriber_.getNumPublishers() > 0; });
   }
 
  private:
@@ -57,7 +43,7 @@ class Inbox {
 /// Whether diagnostics show `text` in a status of `node` with this level.
 inline bool wait_for_diagnostics(const Inbox<diagnostic_msgs::DiagnosticArray>& inbox,
                                  const std::string& node, int level, const std::string& text) {
-  return wait_for([&] {
+  return eventually([&] {
     for (const auto& message : inbox.all())
       for (const auto& status : message->status)
         if (status.name.find(node) != std::string::npos && status.level == level &&

@@ -119,7 +119,7 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
   std::ofstream half(folder.path() / "half.nrrd", std::ios::binary);
   half << bytes.substr(0, bytes.size() / 2) << std::flush;
   const std::size_t reports = diagnostics.all().size();
-  ASSERT_TRUE(wait_for([&] { return diagnostics.all().size() >= reports + 3; }));
+  ASSERT_TRUE(eventually([&] { return diagnostics.all().size() >= reports + 3; }));
   half << bytes.substr(bytes.size() / 2);
   half.close();
   ASSERT_TRUE(volumes.wait(1));
@@ -135,7 +135,7 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
                                    diagnostic_msgs::DiagnosticStatus::ERROR,
                                    "file 2 of the watched folder: "));
   EXPECT_FALSE(is_named(diagnostics, "DOE_JOHN"));
-  ASSERT_TRUE(wait_for([&] { return is_named(log, "file 2 of the watched folder"); }));
+  ASSERT_TRUE(eventually([&] { return is_named(log, "file 2 of the watched folder"); }));
   EXPECT_FALSE(is_named(log, "DOE_JOHN"));
   volume.voxels[0] = 99;
   write_prescan_nrrd(volume, folder.path() / "next.nrrd");

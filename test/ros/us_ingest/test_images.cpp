@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sensor_msgs/Image.h>
-#include <tf2_msgs/TFMessage.h>
 #include <us_ct_registration/StatusCode.h>
 #include <us_ct_registration/Sweep.h>
 
@@ -12,6 +11,7 @@
 #include "inbox.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/tf_source.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -62,11 +62,10 @@ class LiveImages : public testing::Test {
         volumes_(node_, space_ + "/us/volume"),
         diagnostics_(node_, "/diagnostics"),
         images_(node_.advertise<sensor_msgs::Image>(space_ + "/us/image", 1000)),
-        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)),
+        tf_(node_, {"/" + space + "/us_ingest"}),
         start_(node_.serviceClient<msg::Sweep>(space_ + "/us/start_sweep")),
         end_(node_.serviceClient<msg::Sweep>(space_ + "/us/end_sweep")) {
-    EXPECT_TRUE(wait_for([&] { return images_.getNumSubscribers() == 1; }));
-    EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= kTfListeners; }));
+    EXPECT_TRUE(eventually([&] { return images_.getNumSubscribers() == 1; }));
     EXPECT_TRUE(volumes_.wait_for_publisher());
   }
 
@@ -107,14 +106,14 @@ class LiveImages : public testing::Test {
 
   static Code call(::ros::ServiceClient& service) {
     msg::Sweep call;
-    EXPECT_TRUE(service.waitForExistence(::ros::Duration(kLimit_s)));
+    EXPECT_TRUE(service.waitForExistence(kLimit));
     EXPECT_TRUE(service.call(call));
     return call.response.status;
   }
   /// Starts a sweep once `first` has arrived.
   void start_with(const sensor_msgs::Image& first) {
     Code answer;
-    EXPECT_TRUE(wait_for([&] {
+    EXPECT_TRUE(eventually([&] {
       images_.publish(first);
       answer = call(start_);
       return answer.code == Code::OK;
@@ -122,7 +121,7 @@ class LiveImages : public testing::Test {
   }
   Code refusal_to_start_with(const sensor_msgs::Image& first, std::uint8_t code) {
     Code answer;
-    EXPECT_TRUE(wait_for([&] {
+    EXPECT_TRUE(eventually([&] {
       images_.publish(first);
       answer = call(start_);
       return answer.code == code;
@@ -136,7 +135,7 @@ class LiveImages : public testing::Test {
   Inbox<msg::PreScanVolume> volumes_;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
   ::ros::Publisher images_;
-  ::ros::Publisher tf_;
+  TfSource tf_;
   ::ros::ServiceClient start_;
   ::ros::ServiceClient end_;
 };
@@ -227,7 +226,7 @@ TEST_F(LiveImages, BadImagesAreRefusedWithTheReason) {
 }
 
 TEST_F(LiveImages, SweepsThatCannotBeUsedAreRefusedWithTheReason) {
-  EXPECT_TRUE(wait_for([&] {  // of the test before
+  EXPECT_TRUE(eventually([&] {  // of the test before
     return call(end_).code == Code::NOT_RUNNING;
   }));
   const ::ros::Time start = start_of(2.0);
@@ -244,7 +243,7 @@ TEST_F(LiveImages, SweepsThatCannotBeUsedAreRefusedWithTheReason) {
   send(image(start + ::ros::Duration(1.0), seen_at(pose(1.0))));
   send(image(start + ::ros::Duration(0.5), seen_at(pose(0.5))));
   Code answer;
-  EXPECT_TRUE(wait_for([&] {
+  EXPECT_TRUE(eventually([&] {
     answer = call(end_);
     return answer.code == Code::NOT_RUNNING;
   }));

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <map>
 #include <random>
@@ -8,6 +7,7 @@
 #include "inbox.h"
 #include "ros/bags/frame_stream.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/tf_source.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -43,8 +43,8 @@ class Streaming : public testing::TestWithParam<const char*> {
         volumes_(node_, space_ + "/us/volume"),
         diagnostics_(node_, "/diagnostics"),
         frames_(node_.advertise<msg::PreScanFrame>(space_ + "/us/frames", 1000)),
-        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 1000)) {
-    EXPECT_TRUE(wait_for([&] { return frames_.getNumSubscribers() == 1; }));
+        tf_(node_, {"/" + space_ + (space_ == "as_nodelet" ? "/manager" : "/us_ingest")}) {
+    EXPECT_TRUE(eventually([&] { return frames_.getNumSubscribers() == 1; }));
     EXPECT_TRUE(volumes_.wait_for_publisher());
     // A volume of an earlier test is latched and arrives first.
     const int earlier = streamed[space_] > 0 ? 1 : 0;
@@ -75,7 +75,7 @@ class Streaming : public testing::TestWithParam<const char*> {
   Inbox<msg::PreScanVolume> volumes_;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
   ::ros::Publisher frames_;
-  ::ros::Publisher tf_;
+  TfSource tf_;
   std::size_t first_ = 0;
 };
 
@@ -111,7 +111,7 @@ TEST_P(Streaming, FramesWithStampsFarFromNowAreDropped) {
   const msg::PreScanVolume sweep = motorised(::ros::Time::now(), 1.0);
   send(frames_of(sweep, next_sweep()));
   EXPECT_EQ(volume(0), sweep);
-  EXPECT_TRUE(wait_for([&] {
+  EXPECT_TRUE(eventually([&] {
     for (const auto& message : diagnostics_.all())
       for (const auto& status : message->status)
         for (const auto& value : status.values)
@@ -125,7 +125,6 @@ TEST_P(Streaming, FramesWithStampsFarFromNowAreDropped) {
 TEST_P(Streaming, TrackedFramesGetTheirPosesFromTfThatComesLater) {
   constexpr int kFrames = 10;
   constexpr double kPeriod_s = 0.05;
-  EXPECT_TRUE(wait_for([&] { return tf_.getNumSubscribers() >= kTfListeners; }));
   PreScanVolume still;
   still.geometry = {
       {20, 0.0, 0.5},

@@ -1,8 +1,6 @@
 """Bags of a frame grabber's images and a tracked probe, and what us_ingest must know of them."""
 import gzip
-import pathlib
 import re
-import sys
 
 import numpy
 import rosbag
@@ -12,7 +10,6 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts"))
 from demo_client import MM_PER_M, quaternion_of
 
 US_FRAME, PROBE_FRAME, FIXED_FRAME, CT_FRAME = "us", "tracked_probe", "patient", "ct"
@@ -55,11 +52,20 @@ def write(path, pictures, stamps_s, T_us_probe, T_fixed_us, pause_s, T_us_ct=Non
     for stamp_s, T in shown:
         messages.append((stamp_s, "/tf", TFMessage([stamped(US_FRAME, PROBE_FRAME, stamp_s, T)])))
     for picture, stamp_s in zip(pictures, stamps_s):
-        image = Image(encoding="mono8", height=picture.shape[0], width=picture.shape[1], step=picture.shape[1],
-                      data=picture.tobytes())
-        image.header.stamp = rospy.Time.from_sec(stamp_s)
-        image.header.frame_id = "grabber"
-        messages.append((stamp_s, "/us/image", image))
+        messages.append((stamp_s, "/us/image", image_of(picture, stamp_s)))
+    write_messages(path, messages)
+
+
+def image_of(picture, stamp_s):
+    image = Image(encoding="mono8", height=picture.shape[0], width=picture.shape[1], step=picture.shape[1],
+                  data=picture.tobytes())
+    image.header.stamp = rospy.Time.from_sec(stamp_s)
+    image.header.frame_id = "grabber"
+    return image
+
+
+def write_messages(path, messages):
+    """Writes a bag of (time in s, topic, message); those below /truth are latched."""
     with rosbag.Bag(str(path), "w") as bag:
         for stamp_s, topic, message in sorted(messages, key=lambda entry: entry[0]):
             connection = {"topic": topic, "type": message._type, "md5sum": message._md5sum,

@@ -1,0 +1,11 @@
+#include "ros/slicer_bridge.h"
+
+#include <pluginlib/class_list_macros.hpp>
+
+#include "ros/nodelet_of.h"
+
+namespace usct::ros_interface {
+class SlicerBridgeNodelet : public NodeletOf<SlicerBridge> {};
+}  // namespace usct::ros_interface
+
+PLUGINLIB_EXPORT_CLASS(usct::ros_interface::SlicerBridgeNodelet, nodelet::Nodelet)

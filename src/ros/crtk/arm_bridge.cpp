@@ -1,0 +1,188 @@
+#include "ros/crtk/arm_bridge.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "ros/conversions/checks.h"
+#include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
+#include "us_ct_registration/geometry/angles.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::Isometry3d;
+
+constexpr std::size_t kTrackLength = 50;
+/// No arm is that long; a pose in millimetres is.
+constexpr double kLongestMm = 10.0 * kMmPerM;
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "'" : ", '") + name + "'";
+  return text.empty() ? "none" : text;
+}
+
+/// Robots send a state again that has not been measured anew.
+template <typename Track>
+bool repeats(const std_msgs::Header& header, const Track& before) {
+  return !before.empty() && before.back().first == header.stamp;
+}
+
+std::string pose_topic(const ArmBridgeOptions& options) { return options.name + "/measured_cp"; }
+std::string joint_topic(const ArmBridgeOptions& options) { return options.name + "/measured_js"; }
+
+}  // namespace
+
+ArmBridge::ArmBridge(ArmBridgeOptions options, std::shared_ptr<const ArmModel> model)
+    : options_(std::move(options)), model_(std::move(model)) {
+  if (options_.joints.empty()) return;
+  std::vector<std::string> prefixed;
+  for (const std::string& joint : options_.joints)
+    prefixed.push_back(options_.joint_prefix + joint);
+  require(prefixed == model_->joints(), "arms/" + options_.name + "/joints",
+          "are " + listed(prefixed) + " with the prefix, must be those of the model from '" +
+              options_.base + "' to '" + options_.tip + "': " + listed(model_->joints()));
+}
+
+template <typename Message, typename Taken>
+Taken ArmBridge::counted(Taken (ArmBridge::*taker)(const Message&, const ::ros::Time&),
+                         const Message& message, const ::ros::Time& now, std::string& problem) try {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  notice_time(now);
+  const auto taken = (this->*taker)(message, now);
+  ++report_.taken;
+  problem.clear();
+  report_.newest = message.header.stamp;
+  return taken;
+} catch (const InputError& error) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++report_.refused;
+  problem = error.what();
+  throw;
+}
+
+std::optional<geometry_msgs::TransformStamped> ArmBridge::take(
+    const geometry_msgs::PoseStamped& message, const ::ros::Time& now) {
+  return counted(&ArmBridge::take_pose, message, now, pose_problem_);
+}
+
+std::optional<sensor_msgs::JointState> ArmBridge::take(const sensor_msgs::JointState& message,
+                                                       const ::ros::Time& now) {
+  return counted(&ArmBridge::take_joints, message, now, joint_problem_);
+}
+
+/// A recording that is played again begins anew.
+void ArmBridge::notice_time(const ::ros::Time& now) {
+  if (now < last_now_) {
+    measured_.clear();
+    modelled_.clear();
+    agreed_ = ::ros::Time();
+    contradiction_.clear();
+  }
+  last_now_ = now;
+}
+
+void ArmBridge::require_usable(const std_msgs::Header& header, const Track& before,
+                               const ::ros::Time& now, const std::string& topic) const {
+  const ::ros::Time& stamp = header.stamp;
+  require(!stamp.isZero(), topic, "'header.stamp' is 0, must be the time of the measurement");
+  const double age_s = seconds_between(stamp, now);
+  // Nothing is known of the time before simulated time begins.
+  require(now.isZero() || std::abs(age_s) <= options_.max_age_s, topic,
+          formatted("'header.stamp' is %.3f s %s the clock, must be <= %g s (max_age)",
+                    std::abs(age_s), age_s > 0.0 ? "behind" : "ahead of", options_.max_age_s));
+  require(before.empty() || before.back().first <= stamp, topic,
+          "'header.stamp' is " + seconds_text(stamp) + ", must not be before that of the last" +
+              (before.empty() ? "" : " message, " + seconds_text(before.back().first)));
+}
+
+std::optional<geometry_msgs::TransformStamped> ArmBridge::take_pose(
+    const geometry_msgs::PoseStamped& message, const ::ros::Time& now) {
+  const std::string topic = pose_topic(options_);
+  require_usable(message.header, measured_, now, topic);
+  require(message.header.frame_id == options_.pose_frame, topic,
+          "'header.frame_id' is '" + message.header.frame_id + "', must be '" +
+              options_.pose_frame + "' (pose_frame)");
+  const Isometry3d T = from_message_mm(message.pose, topic);
+  if (repeats(message.header, measured_)) return std::nullopt;
+  require(T.translation().norm() <= kLongestMm, topic,
+          formatted("'pose.position' is %.1f m from the base, must be <= 10 m; is it in "
+                    "millimetres?",
+                    T.translation().norm() / kMmPerM));
+  compare(message.header.stamp, T, measured_, modelled_);
+  if (!options_.joints.empty()) return std::nullopt;
+  return stamped_transform(message.header.stamp, T, options_.base, options_.tip);
+}
+
+std::vector<double> ArmBridge::positions(const sensor_msgs::JointState& message) const {
+  const std::string topic = joint_topic(options_);
+  require_count("position", message.position.size(), message.name.size(), topic);
+  std::vector<double> found;
+  for (const std::string& joint : options_.joints) {
+    const auto name = std::find(message.name.begin(), message.name.end(), joint);
+    require(name != message.name.end(), topic,
+            "has no joint '" + joint + "'; it has: " + listed(message.name));
+    found.push_back(message.position[static_cast<std::size_t>(name - message.name.begin())]);
+    require(std::isfinite(found.back()), topic,
+            formatted("'%s' is %g, must be finite", joint.c_str(), found.back()));
+  }
+  return found;
+}
+
+std::optional<sensor_msgs::JointState> ArmBridge::take_joints(
+    const sensor_msgs::JointState& message, const ::ros::Time& now) {
+  const std::string topic = joint_topic(options_);
+  require_usable(message.header, modelled_, now, topic);
+  sensor_msgs::JointState joints;
+  joints.header = message.header;
+  joints.name = model_->joints();
+  joints.position = positions(message);
+  if (repeats(message.header, modelled_)) return std::nullopt;
+  if (modelled_.empty()) first_joints_ = message.header.stamp;
+  compare(message.header.stamp, model_->T_base_tip(joints.position), modelled_, measured_);
+  if (!options_.is_checked) return joints;
+  require(contradiction_.empty(), topic, contradiction_);
+  const ::ros::Time& since = agreed_.isZero() ? first_joints_ : agreed_;
+  require(seconds_between(since, message.header.stamp) <= options_.max_age_s, topic,
+          formatted("cannot be compared with measured_cp: it has no stamp within %g s of those of "
+                    "the joints (pair_within) for more than %g s (max_age)",
+                    options_.pair_within_s, options_.max_age_s));
+  if (agreed_.isZero()) return std::nullopt;
+  return joints;
+}
+
+void ArmBridge::compare(const ::ros::Time& stamp, const Isometry3d& T, Track& own,
+                        const Track& other) {
+  own.emplace_back(stamp, T);
+  if (own.size() > kTrackLength) own.pop_front();
+  const auto same = std::find_if(other.rbegin(), other.rend(), [&](const auto& entry) {
+    return std::abs(seconds_between(entry.first, stamp)) <= options_.pair_within_s;
+  });
+  if (same == other.rend()) return;
+  const Isometry3d difference = same->second.inverse() * T;
+  const double apart_mm = difference.translation().norm();
+  const double turned_deg = Eigen::AngleAxisd(difference.linear()).angle() / kDegree;
+  report_.difference_mm = apart_mm;
+  report_.difference_deg = turned_deg;
+  contradiction_.clear();
+  if (apart_mm <= options_.max_difference_mm && turned_deg <= options_.max_difference_deg)
+    agreed_ = stamp;
+  else
+    contradiction_ = formatted(
+        "contradicts measured_cp: joints and model have the tip %.1f mm and %.1f degrees away from "
+        "it, must be <= %g mm and %g degrees; is robot_description that of this robot, its tool "
+        "and its endoscope?",
+        apart_mm, turned_deg, options_.max_difference_mm, options_.max_difference_deg);
+}
+
+ArmReport ArmBridge::report() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ArmReport report = report_;
+  report.problem = joint_problem_.empty() ? pose_problem_ : joint_problem_;
+  return report;
+}
+
+}  // namespace usct::ros_interface

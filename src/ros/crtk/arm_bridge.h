@@ -1,0 +1,116 @@
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <ros/time.h>
+#include <sensor_msgs/JointState.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "ros/crtk/arm_model.h"
+
+namespace usct::ros_interface {
+
+/// One arm of a robot that speaks CRTK, such as dVRK's PSM1.
+struct ArmBridgeOptions {
+  /// The arm's namespace.
+  std::string name;
+  /// tf frames between which the arm's kinematics lie.
+  std::string base;
+  std::string tip;
+  /// The `header.frame_id` that `measured_cp` must have.
+  std::string pose_frame;
+  /// Names in `measured_js` of the joints from base to tip. If there are any, the arm's poses in tf
+  /// come from them and the model; else from `measured_cp`.
+  std::vector<std::string> joints;
+  /// The model has the joints by these names with this prefix: an arm does not know its own name.
+  std::string joint_prefix;
+  /// Whether `measured_cp` must agree with joints and model. Needs `joints`.
+  bool is_checked = true;
+  /// The largest difference with which they agree.
+  double max_difference_mm = 2.0;
+  double max_difference_deg = 2.0;
+  /// Messages of both kinds are compared whose stamps differ by no more than this, s.
+  double pair_within_s = 0.002;
+  /// Messages with stamps further from the clock are refused, s; joints as well if the last
+  /// comparison is older.
+  double max_age_s = 0.5;
+};
+
+/// What happened to the messages of an arm.
+struct ArmReport {
+  std::uint64_t taken = 0;
+  std::uint64_t refused = 0;
+  /// The reason why the last message of either kind was refused; empty if both were taken.
+  std::string problem;
+  /// The last comparison of `measured_cp` with joints and model.
+  std::optional<double> difference_mm;
+  std::optional<double> difference_deg;
+  ::ros::Time newest;
+};
+
+/// Turns the messages of an arm into those of tf and robot_state_publisher, with their stamps, and
+/// refuses what is wrong: each `take` throws InputError, naming the topic, for numbers that are not
+/// finite, quaternions that are no rotations, wrong frames, missing joints, stamps that are 0, old,
+/// ahead of `now` or not in order, and for joints that contradict `measured_cp`. May be called from
+/// any thread.
+class ArmBridge {
+ public:
+  /// Throws InputError, naming the arm, if the joints are not those of `model`, which may be null
+  /// if there are none.
+  ArmBridge(ArmBridgeOptions options, std::shared_ptr<const ArmModel> model);
+
+  /// The transform to broadcast; none if the arm's poses come from its joints.
+  std::optional<geometry_msgs::TransformStamped> take(const geometry_msgs::PoseStamped& message,
+                                                      const ::ros::Time& now);
+  /// The joints with the names of the model. Joints whose comparison with `measured_cp` is still to
+  /// come give nothing.
+  std::optional<sensor_msgs::JointState> take(const sensor_msgs::JointState& message,
+                                              const ::ros::Time& now);
+
+  const ArmBridgeOptions& options() const { return options_; }
+  ArmReport report() const;
+
+ private:
+  /// Poses of the tip in the base, mm, by their stamps; the newest last.
+  using Track = std::deque<std::pair<::ros::Time, Eigen::Isometry3d>>;
+
+  template <typename Message, typename Taken>
+  Taken counted(Taken (ArmBridge::*taker)(const Message&, const ::ros::Time&),
+                const Message& message, const ::ros::Time& now, std::string& problem);
+  std::optional<geometry_msgs::TransformStamped> take_pose(
+      const geometry_msgs::PoseStamped& message, const ::ros::Time& now);
+  std::optional<sensor_msgs::JointState> take_joints(const sensor_msgs::JointState& message,
+                                                     const ::ros::Time& now);
+  /// Positions of `options_.joints`, in this order.
+  std::vector<double> positions(const sensor_msgs::JointState& message) const;
+  void require_usable(const std_msgs::Header& header, const Track& before, const ::ros::Time& now,
+                      const std::string& topic) const;
+  /// Adds a pose to one track and compares it with those of the other at its stamp.
+  void compare(const ::ros::Time& stamp, const Eigen::Isometry3d& T, Track& own,
+               const Track& other);
+  void notice_time(const ::ros::Time& now);
+
+  const ArmBridgeOptions options_;
+  const std::shared_ptr<const ArmModel> model_;
+  mutable std::mutex mutex_;  // guards all below
+  ArmReport report_;
+  std::string pose_problem_;
+  std::string joint_problem_;
+  Track measured_;
+  Track modelled_;
+  ::ros::Time last_now_;
+  ::ros::Time first_joints_;
+  ::ros::Time agreed_;  // stamp of the last comparison that agreed; 0: none
+  std::string contradiction_;
+};
+
+}  // namespace usct::ros_interface

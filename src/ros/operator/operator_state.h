@@ -1,0 +1,68 @@
+#pragma once
+
+#include <us_ct_registration/Alignment.h>
+#include <us_ct_registration/RegistrationResult.h>
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+
+#include "us_ct_registration/rendering/fusion_view.h"
+
+namespace usct::ros_interface {
+
+/// What a person who registers and decides may ask for.
+enum class OperatorAction { kRegister, kCancel, kAccept, kReject, kRevert };
+
+/// The registration that a person should look at now, in words.
+struct OperatorSubject {
+  PoseStanding standing = PoseStanding::kNone;
+  /// The decision, and the message of the result.
+  std::string headline;
+  /// The evidence, in lines; empty if there is none.
+  std::string evidence;
+};
+
+/// Follows the topics of registration and tf_publisher, and says what a person may do and should
+/// see. It knows neither ROS's network nor a window. Not synchronised.
+class OperatorState {
+ public:
+  void take_alignment(const us_ct_registration::Alignment& message) { alignment_ = message; }
+  void take_proposed(const us_ct_registration::Alignment& message) { proposed_ = message; }
+  void take_result(const us_ct_registration::RegistrationResult& message);
+  /// Sets whether an own request of this kind waits for its answer.
+  void set_requested(OperatorAction action, bool is_requested);
+  /// Sets whether the registration node says that it registers, for whomever.
+  void set_registering(bool is_registering) { is_registering_ = is_registering; }
+
+  bool may(OperatorAction action) const;
+  const us_ct_registration::Alignment& alignment() const { return alignment_; }
+  /// The alignment that counts, or why none does, in words.
+  std::string in_force() const;
+  bool is_in_force() const { return alignment_.state != us_ct_registration::Alignment::NONE; }
+  /// What waits for a decision; else the last registration if it was refused; else what counts.
+  OperatorSubject subject() const;
+  /// The number by which `subject` is accepted or rejected; 0: the alignment from before a restart.
+  std::uint64_t subject_id() const { return proposed_.waiting_id; }
+  /// Whether tf_publisher accepts results by itself; false until it was heard.
+  bool is_automatic() const { return proposed_.policy == "auto"; }
+
+ private:
+  bool is_requested(OperatorAction action) const;
+  bool is_proposed() const { return proposed_.state == us_ct_registration::Alignment::PROPOSED; }
+  /// Null if the result is not known.
+  const us_ct_registration::RegistrationResult* known(std::uint64_t id) const;
+  OperatorSubject about(PoseStanding standing, const std::string& headline,
+                        const us_ct_registration::Alignment& alignment) const;
+
+  us_ct_registration::Alignment alignment_;
+  us_ct_registration::Alignment proposed_;
+  /// The newest results by their ids.
+  std::map<std::uint64_t, us_ct_registration::RegistrationResult> results_;
+  std::uint64_t last_id_ = 0;
+  std::set<OperatorAction> requested_;
+  bool is_registering_ = false;
+};
+
+}  // namespace usct::ros_interface

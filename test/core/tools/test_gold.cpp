@@ -1,0 +1,142 @@
+#include <gtest/gtest.h>
+
+#include "core/baselines/surfaces.h"
+#include "core/tools/run_usct.h"
+#include "us_ct_registration/io/results/points_io.h"
+#include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Vector3d;
+using Points = std::vector<Vector3d>;
+
+class Gold : public testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  std::string points(const std::string& name, const Points& points_mm) const {
+    write_points_mm(points_mm, path(name));
+    return path(name);
+  }
+
+  TemporaryFolder folder_;
+};
+
+/// A quarter turn about z and a shift, with one fiducial 3 mm off.
+TEST_F(Gold, FiducialsGiveATransformAndItsErrors) {
+  const std::string us =
+      points("us.csv", {{100, 0, 10}, {100, 40, 10}, {70, 0, 10}, {70, 40, 13}, {85, 20, 60}});
+  const std::string ct =
+      points("ct.csv", {{0, 0, 0}, {40, 0, 0}, {0, 30, 0}, {40, 30, 0}, {20, 15, 50}});
+  const Outcome outcome =
+      run_usct({"gold", "fiducials", us, ct, "--targets", us, "--output", path("gold.tfm")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_NE(outcome.output.find("from 5 fiducials"), std::string::npos) << outcome.output;
+  EXPECT_NE(outcome.output.find("predicted TRE at 5 targets"), std::string::npos);
+  const Vector3d moved = read_T_us_ct(path("gold.tfm")) * Vector3d(40, 30, 0);
+  EXPECT_LT((moved - Vector3d(70, 40, 13)).norm(), 2.0);
+  EXPECT_GT((moved - Vector3d(70, 40, 13)).norm(), 0.5);
+}
+
+TEST_F(Gold, FiducialsWithoutOrderAreMatched) {
+  const std::string ct = points("ct.csv", {{0, 0, 0}, {40, 0, 0}, {0, 30, 0}, {20, 15, 50}});
+  const std::string us =
+      points("us.csv", {{30, 25, 51}, {0, 0, 400}, {50, 10, 1}, {10, 40, 1}, {10, 10, 1}});
+  const Outcome outcome = run_usct(
+      {"gold", "fiducials", us, ct, "--match", "--fle", "0.5", "--output", path("gold.tfm")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_EQ(outcome.errors, "");
+  EXPECT_NE(outcome.output.find("         5 | 1\n"), std::string::npos) << outcome.output;
+  EXPECT_LT((read_T_us_ct(path("gold.tfm")) * Vector3d(1, 2, 3) - Vector3d(11, 12, 4)).norm(),
+            1e-9);
+
+  const std::string square = points("square.csv", {{0, 0, 0}, {40, 0, 0}, {40, 40, 0}, {0, 40, 0}});
+  const Outcome turned = run_usct({"gold", "fiducials", square, square, "--match"});
+  EXPECT_NE(turned.errors.find("8 pairings fit"), std::string::npos) << turned.errors;
+}
+
+TEST_F(Gold, SurfacesOfABoxAreAmbiguousAndThatIsSaid) {
+  Points box;
+  for (int i = -10; i <= 10; ++i)
+    for (int j = -5; j <= 5; ++j)
+      for (const int k : {-3, 3}) box.emplace_back(4.0 * i, 4.0 * j, 4.0 * k);
+  const std::string file = points("box.csv", box);
+  const Outcome outcome = run_usct({"gold", "surfaces", file, file, "--output", path("gold.tfm")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_NE(outcome.errors.find("which way round the kidney is"), std::string::npos);
+  EXPECT_NE(outcome.output.find("180 degrees"), std::string::npos) << outcome.output;
+}
+
+TEST_F(Gold, IcpAlignsAPartOfASurface) {
+  const Points ct = bumpy_ellipsoid(1500);
+  const Vector3d shift(20, -10, 80);
+  Points part;
+  for (const Vector3d& p : ct)
+    if (p.x() < 30.0) part.push_back(p + shift);
+  const std::string file = points("ct.csv", ct);
+  const Outcome outcome =
+      run_usct({"gold", "icp", points("us.csv", part), file, "--output", path("gold.tfm")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_EQ(outcome.errors, "");
+  EXPECT_NE(outcome.output.find("predicted error"), std::string::npos) << outcome.output;
+  EXPECT_LT((read_T_us_ct(path("gold.tfm")) * ct[0] - ct[0] - shift).norm(), 0.05);
+
+  const std::string ball = points("ball.csv", ellipsoid({30, 30, 30}, 800));
+  const Outcome round = run_usct(
+      {"gold", "icp", ball, ball, "--initial", path("gold.tfm"), "--largest-distance", "200"});
+  EXPECT_NE(round.errors.find("leave a motion undetermined"), std::string::npos) << round.errors;
+  const Outcome far = run_usct({"gold", "icp", file, file, "--initial", path("gold.tfm")});
+  EXPECT_EQ(far.exit_status, 2);
+  EXPECT_NE(far.errors.find("do not overlap"), std::string::npos) << far.errors;
+}
+
+/// Balls of 2 mm whose centres are centres of voxels, where their voxels are symmetric.
+TEST_F(Gold, BallsOfACtAreWrittenAsPoints) {
+  Grid grid;
+  grid.size = {50, 60, 40};
+  grid.spacing_mm = Vector3d(0.5, 0.5, 0.5);
+  grid.origin_mm = Vector3d(-7, 3, 90);
+  CtVolume ct(grid, 20);
+  const std::vector<Eigen::Vector3i> balls{{12, 13, 10}, {40, 15, 12}, {14, 45, 30}};
+  for (const Eigen::Vector3i& ball : balls)
+    for (int k = -2; k <= 2; ++k)
+      for (int j = -2; j <= 2; ++j)
+        for (int i = -2; i <= 2; ++i)
+          if (i * i + j * j + k * k <= 4) ct.at(ball.x() + i, ball.y() + j, ball.z() + k) = 3000;
+  write_volume(ct, path("ct.nrrd"));
+  const Outcome outcome = run_usct({"gold", "balls", path("ct.nrrd"), "--diameter", "2", "--count",
+                                    "3", "--output", path("balls.csv")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  const Points found = read_points_mm(path("balls.csv"));
+  ASSERT_EQ(found.size(), 3U);
+  for (const Vector3d& centre : found) {
+    const Vector3d index = grid.index_from_physical(centre);
+    double least = 1e9;
+    for (const Eigen::Vector3i& ball : balls)
+      least = std::min(least, (index - ball.cast<double>()).norm());
+    EXPECT_LT(least, 0.01);
+  }
+  const Outcome four =
+      run_usct({"gold", "balls", path("ct.nrrd"), "--diameter", "2", "--count", "4"});
+  EXPECT_EQ(four.exit_status, 2);
+  EXPECT_NE(four.errors.find("--count: is 4, but 3 balls were found"), std::string::npos)
+      << four.errors;
+  const Outcome both = run_usct({"gold", "balls", path("ct.nrrd"), "--us", path("ct.nrrd")});
+  EXPECT_EQ(both.exit_status, 2);
+  EXPECT_NE(both.errors.find("not both"), std::string::npos) << both.errors;
+}
+
+TEST_F(Gold, BadInputIsRefusedAndNothingWritten) {
+  const std::string three = points("three.csv", {{0, 0, 0}, {40, 0, 0}, {0, 30, 0}});
+  const std::string two = points("two.csv", {{0, 0, 0}, {40, 0, 0}});
+  const Outcome outcome = run_usct({"gold", "fiducials", three, two, "--output", path("no.tfm")});
+  EXPECT_EQ(outcome.exit_status, 2);
+  EXPECT_NE(outcome.errors.find("3 target and 2 source points"), std::string::npos)
+      << outcome.errors;
+  EXPECT_EQ(run_usct({"gold"}).exit_status, 2);
+  EXPECT_FALSE(std::filesystem::exists(path("no.tfm")));
+}
+
+}  // namespace
+}  // namespace usct::test

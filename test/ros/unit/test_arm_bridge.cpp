@@ -1,0 +1,232 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <sstream>
+
+#include "nan.h"
+#include "ros/conversions/poses.h"
+#include "ros/crtk/arm_bridge.h"
+#include "ros/crtk/target_publisher.h"
+#include "test_paths.h"
+#include "us_ct_registration/error.h"
+
+namespace usct::ros_interface {
+namespace {
+
+using Eigen::AngleAxisd;
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using testing::HasSubstr;
+
+const std::vector<std::string> kJoints = {"yaw",  "pitch",       "insertion",
+                                          "roll", "wrist_pitch", "wrist_yaw"};
+
+std::string robot_description() {
+  std::ifstream file(USCT_SOURCE_DIR "/urdf/integration.urdf");
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+/// The pose that the comment in the model states.
+Isometry3d T_base_tip(const std::vector<double>& q, double tool_mm) {
+  const auto about = [](double angle, const Vector3d& axis) {
+    return Isometry3d(AngleAxisd(angle, axis));
+  };
+  const auto along = [](double mm) { return Eigen::Translation3d(0.0, 0.0, mm); };
+  const Vector3d x = Vector3d::UnitX();
+  const Vector3d y = Vector3d::UnitY();
+  return about(q[0], y) * about(q[1], x) * along(1000.0 * q[2]) * about(q[3], Vector3d::UnitZ()) *
+         about(q[4], x) * about(q[5], y) * along(tool_mm);
+}
+
+std::string refusal(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "not refused";
+}
+
+class ArmBridgeTest : public testing::Test {
+ protected:
+  ArmBridgeTest() {
+    options_.name = "PSM1";
+    options_.base = options_.pose_frame = "PSM1_base";
+    options_.tip = "PSM1_tool_tip";
+    options_.joint_prefix = "PSM1_";
+  }
+  ArmBridge of_poses() const { return {options_, nullptr}; }
+  ArmBridge of_joints() {
+    options_.joints = kJoints;
+    return {options_, std::make_shared<ArmModel>(robot_description(), options_.base, options_.tip)};
+  }
+
+  static geometry_msgs::PoseStamped pose(double time_s, const Isometry3d& T_mm) {
+    geometry_msgs::PoseStamped message;
+    message.header.stamp = ::ros::Time(time_s);
+    message.header.frame_id = "PSM1_base";
+    message.pose = to_pose_message(T_mm);
+    return message;
+  }
+  /// The joints as the dVRK names them, and the jaw, which the chain does not have.
+  static sensor_msgs::JointState joints(double time_s, const std::vector<double>& positions) {
+    sensor_msgs::JointState message;
+    message.header.stamp = ::ros::Time(time_s);
+    message.name = kJoints;
+    message.position = positions;
+    message.name.insert(message.name.begin(), "jaw");
+    message.position.insert(message.position.begin(), 0.3);
+    return message;
+  }
+
+  ArmBridgeOptions options_;
+  const ::ros::Time now_{100.0};
+  const Isometry3d T_{Eigen::Translation3d(3.0, -2.0, 90.0) *
+                      AngleAxisd(0.4, Vector3d(1.0, 2.0, 2.0) / 3.0)};
+  const std::vector<double> q_ = {0.1, -0.2, 0.12, 1.0, -0.3, 0.2};
+};
+
+RC_GTEST_FIXTURE_PROP(ArmBridgeTest, the_model_has_the_kinematics_that_it_states, ()) {
+  std::vector<double> q;
+  for (std::size_t i = 0; i < kJoints.size(); ++i)
+    q.push_back(0.001 * *rc::gen::inRange(i == 2 ? 0 : -1500, i == 2 ? 350 : 1500));
+  for (const auto& [base, tip, tool_mm] : {std::tuple("PSM1_base", "PSM1_tool_tip", 10.2),
+                                           std::tuple("ECM_base", "endoscope_tip", 25.0)})
+    RC_ASSERT(ArmModel(robot_description(), base, tip)
+                  .T_base_tip(q)
+                  .isApprox(T_base_tip(q, tool_mm), 1e-9));
+}
+
+TEST_F(ArmBridgeTest, PosesBecomeTfWithTheirStamps) {
+  ArmBridge arm = of_poses();
+  const auto transform = arm.take(pose(99.9, T_), now_);
+  ASSERT_TRUE(transform);
+  EXPECT_EQ(transform->header.stamp, ::ros::Time(99.9));
+  EXPECT_EQ(transform->header.frame_id, "PSM1_base");
+  EXPECT_EQ(transform->child_frame_id, "PSM1_tool_tip");
+  EXPECT_TRUE(from_message_mm(transform->transform, "test").isApprox(T_, 1e-9));
+  EXPECT_FALSE(arm.take(pose(99.9, T_), now_)) << "the same state again";
+  EXPECT_EQ(arm.report().refused, 0U);
+}
+
+TEST_F(ArmBridgeTest, WrongPosesAreRefused) {
+  ArmBridge arm = of_poses();
+  arm.take(pose(99.9, T_), now_);
+  const auto refused = [&](double time_s,
+                           const std::function<void(geometry_msgs::PoseStamped&)>& spoil) {
+    geometry_msgs::PoseStamped message = pose(time_s, T_);
+    spoil(message);
+    return refusal([&] { arm.take(message, now_); });
+  };
+  const auto nothing = [](auto&) {};
+  EXPECT_THAT(refused(0.0, nothing), HasSubstr("'header.stamp' is 0"));
+  EXPECT_THAT(refused(99.0, nothing), HasSubstr("1.000 s behind the clock, must be <= 0.5 s"));
+  EXPECT_THAT(refused(101.0, nothing), HasSubstr("1.000 s ahead of the clock"));
+  EXPECT_THAT(refused(99.8, nothing),
+              HasSubstr("must not be before that of the last message, 99.900"));
+  EXPECT_THAT(refused(99.95, [](auto& m) { m.header.frame_id = "ECM"; }),
+              HasSubstr("'header.frame_id' is 'ECM', must be 'PSM1_base'"));
+  EXPECT_THAT(refused(99.95, [](auto& m) { m.pose.orientation.w += 0.1; }),
+              HasSubstr("PSM1/measured_cp"));
+  EXPECT_THAT(refused(99.95, [](auto& m) { m.pose.orientation = {}; }),
+              HasSubstr("PSM1/measured_cp"));
+  EXPECT_THAT(refused(99.95, [](auto& m) { m.pose.position.x = test::kNan; }),
+              HasSubstr("PSM1/measured_cp"));
+  EXPECT_THAT(refused(99.95, [](auto& m) { m.pose.position.z = 90.0; }), HasSubstr("millimetres?"));
+  EXPECT_EQ(arm.report().refused, 9U);
+  EXPECT_THAT(arm.report().problem, HasSubstr("millimetres?"));
+  EXPECT_TRUE(arm.take(pose(99.95, T_), now_)) << "the next good one is taken";
+  EXPECT_EQ(arm.report().problem, "");
+}
+
+TEST_F(ArmBridgeTest, JointsThatAgreeWithThePoseGetTheNamesOfTheModel) {
+  ArmBridge arm = of_joints();
+  EXPECT_FALSE(arm.take(joints(99.9, q_), now_)) << "not compared yet";
+  EXPECT_FALSE(arm.take(pose(99.9, T_base_tip(q_, 10.2)), now_)) << "tf comes from the joints";
+  const auto taken = arm.take(joints(99.91, q_), now_);
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(taken->header.stamp, ::ros::Time(99.91));
+  EXPECT_EQ(taken->name[2], "PSM1_insertion");
+  EXPECT_EQ(taken->position, q_);
+  EXPECT_NEAR(arm.report().difference_mm.value(), 0.0, 1e-6);
+}
+
+TEST_F(ArmBridgeTest, JointsThatContradictThePoseAreRefusedUntilTheyAgree) {
+  ArmBridge arm = of_joints();
+  // A tool that is 5 mm longer than the model's.
+  arm.take(pose(99.9, T_base_tip(q_, 15.2)), now_);
+  EXPECT_THAT(
+      refusal([&] { arm.take(joints(99.9, q_), now_); }),
+      HasSubstr("contradicts measured_cp: joints and model have the tip 5.0 mm and 0.0 degrees"));
+  EXPECT_NEAR(arm.report().difference_mm.value(), 5.0, 1e-6);
+  EXPECT_THAT(refusal([&] { arm.take(joints(99.95, q_), now_); }), HasSubstr("contradicts"));
+  arm.take(pose(99.96, T_base_tip(q_, 10.2)), now_);
+  EXPECT_TRUE(arm.take(joints(99.96, q_), now_));
+}
+
+TEST_F(ArmBridgeTest, JointsThatCannotBeComparedAreRefused) {
+  ArmBridge arm = of_joints();
+  EXPECT_FALSE(arm.take(joints(99.5, q_), now_));
+  EXPECT_FALSE(arm.take(joints(100.0, q_), now_));
+  EXPECT_THAT(refusal([&] { arm.take(joints(100.1, q_), now_); }), HasSubstr("cannot be compared"));
+  options_.is_checked = false;
+  ArmBridge unchecked = of_joints();
+  EXPECT_TRUE(unchecked.take(joints(99.9, q_), now_));
+}
+
+TEST_F(ArmBridgeTest, WrongJointsAreRefused) {
+  ArmBridge arm = of_joints();
+  sensor_msgs::JointState message = joints(99.9, q_);
+  message.name[3] = "insertion_joint";
+  EXPECT_THAT(refusal([&] { arm.take(message, now_); }),
+              HasSubstr("PSM1/measured_js: has no joint 'insertion'; it has: 'jaw', 'yaw', "
+                        "'pitch', 'insertion_joint'"));
+  message = joints(99.9, q_);
+  message.position.pop_back();
+  EXPECT_THAT(refusal([&] { arm.take(message, now_); }), HasSubstr("position"));
+  message = joints(99.9, q_);
+  message.position[3] = test::kNan;
+  EXPECT_THAT(refusal([&] { arm.take(message, now_); }),
+              HasSubstr("'insertion' is nan, must be finite"));
+  options_.joints = kJoints;
+  options_.joints.pop_back();
+  EXPECT_THAT(refusal([&] {
+                ArmBridge(options_, std::make_shared<ArmModel>(robot_description(), options_.base,
+                                                               options_.tip));
+              }),
+              HasSubstr("must be those of the model from 'PSM1_base' to 'PSM1_tool_tip'"));
+}
+
+TEST_F(ArmBridgeTest, AClockThatRunsBackBeginsAnew) {
+  ArmBridge arm = of_poses();
+  arm.take(pose(99.9, T_), now_);
+  EXPECT_TRUE(arm.take(pose(50.0, T_), ::ros::Time(50.1)));
+}
+
+TEST(ArmModel, RefusesWhatIsNoModelOrHasNoChain) {
+  EXPECT_THAT(refusal([] { ArmModel("<robot", "a", "b"); }), HasSubstr("is not a URDF model"));
+  EXPECT_THAT(refusal([] { ArmModel(robot_description(), "PSM1_base", "PSM2_tool_tip"); }),
+              HasSubstr("has no chain from 'PSM1_base' to 'PSM2_tool_tip'"));
+  EXPECT_THAT(refusal([] { ArmModel(robot_description(), "robot_base", "PSM1_base"); }),
+              HasSubstr("has no movable joint"));
+}
+
+TEST(CentreOfVolume, IsThatOfATetrahedronAnywhere) {
+  // The centre of a tetrahedron is the mean of its corners.
+  const Vector3d at(100.0, -200.0, 300.0);
+  Surface surface;
+  surface.points_mm = {at, at + Vector3d(4.0, 0.0, 0.0), at + Vector3d(0.0, 8.0, 0.0),
+                       at + Vector3d(0.0, 0.0, 12.0)};
+  surface.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  EXPECT_TRUE(centre_of_volume_mm(surface).isApprox(at + Vector3d(1.0, 2.0, 3.0), 1e-12));
+  EXPECT_FALSE(centre_of_volume_mm(Surface()).allFinite());
+}
+
+}  // namespace
+}  // namespace usct::ros_interface
