@@ -2,6 +2,7 @@
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -21,6 +22,8 @@ using Code = msg::StatusCode;
 /// A result's number may be ahead of this machine's clock by this much.
 constexpr std::int64_t kClockToleranceMs = 100;
 constexpr std::int64_t kNsPerMs = 1'000'000;
+/// Within this time a result comes on its topic after the caller of a registration has its answer.
+constexpr std::chrono::seconds kOnItsWay{2};
 
 const char* name_of(const AlignmentState& state) {
   if (!state.broadcast) return "none";
@@ -92,11 +95,13 @@ void TfPublisher::advertise() {
   show();
   accept_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
       "registration/accept", [this](Decide::Request& request, Decide::Response& response) {
+        await_result(request.result_id);
         return decide([&](AlignmentDecisions& d) { return d.accept(request.result_id, now_ns()); },
                       response);
       });
   reject_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
       "registration/reject", [this](Decide::Request& request, Decide::Response& response) {
+        await_result(request.result_id);
         return decide([&](AlignmentDecisions& d) { return d.reject(request.result_id); }, response);
       });
   revert_server_ = node_.advertiseService<Decide::Request, Decide::Response>(
@@ -183,21 +188,32 @@ msg::StatusCode TfPublisher::apply(const Change& change) {
 
 void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  take(*result);
+  newest_id_ = std::max(newest_id_, result->id);
+  result_came_.notify_all();
+}
+
+void TfPublisher::await_result(std::uint64_t result_id) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  result_came_.wait_for(lock, kOnItsWay, [&] { return result_id <= newest_id_; });
+}
+
+void TfPublisher::take(const msg::RegistrationResult& result) {
   try {
-    const std::string source = "result " + std::to_string(result->id) + " is refused";
+    const std::string source = "result " + std::to_string(result.id) + " is refused";
     for (const auto& [stamp, field] :
-         {std::pair(result->header.stamp, "header.stamp"), std::pair(result->us_stamp, "us_stamp")})
+         {std::pair(result.header.stamp, "header.stamp"), std::pair(result.us_stamp, "us_stamp")})
       require_not_ahead(stamp, ::ros::Time::now(), source, field);
   } catch (const InputError& error) {
     last_refusal_ = error.what();
     ROS_WARN("%s", error.what());
     return;
   }
-  OfferedResult offered = from_message(*result);
-  offered.ask_because = why_ask(*result);
+  OfferedResult offered = from_message(result);
+  offered.ask_because = why_ask(result);
   const msg::StatusCode answer =
       apply([&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); });
-  const bool must_ask = policy_ == "auto" && decisions_.state().waiting_id == result->id;
+  const bool must_ask = policy_ == "auto" && decisions_.state().waiting_id == result.id;
   if (must_ask || (answer.code != Code::OK && answer.code != Code::NOTHING_TO_DECIDE)) {
     last_refusal_ = answer.message;
     ROS_WARN("%s", answer.message.c_str());

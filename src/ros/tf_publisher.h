@@ -7,6 +7,7 @@
 #include <us_ct_registration/Decide.h>
 #include <us_ct_registration/RegistrationResult.h>
 
+#include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -37,6 +38,11 @@ class TfPublisher {
   /// Writes the file if its content has changed. Throws as `write_alignment`.
   void store(const StoredAlignment& changed);
   void on_result(const us_ct_registration::RegistrationResultConstPtr& result);
+  /// Applies a result; the mutex is held.
+  void take(const us_ct_registration::RegistrationResult& result);
+  /// Waits for a result that is newer than all that came: who called the registration may have its
+  /// answer, and decide, before the result has come on its topic. Gives up after two seconds.
+  void await_result(std::uint64_t result_id);
   void on_ct(CtSource source, const us_ct_registration::CtInfoConstPtr& info);
   void on_tf(const TfEvent& event, bool is_static);
   bool decide(const Change& change, Decide::Response& response);
@@ -68,11 +74,15 @@ class TfPublisher {
   std::unique_ptr<AlignmentBroadcaster> broadcaster_;
   std::unique_ptr<AlignmentBroadcaster> proposed_broadcaster_;
 
-  std::mutex mutex_;  // guards the members below, up to file_error_
+  std::mutex mutex_;  // guards the members below, up to newest_id_
   AlignmentDecisions decisions_{{}};
   std::string alignment_file_;
   std::string last_refusal_;
   std::string file_error_;
+  /// The largest number of a result that came, accepted or not.
+  std::uint64_t newest_id_ = 0;
+
+  std::condition_variable result_came_;
 
   ::ros::Publisher alignment_publisher_;
   ::ros::Publisher proposed_publisher_;

@@ -2,6 +2,7 @@
 """tf_publisher from outside: the transforms in tf after results, decisions, crashes and restarts."""
 import os
 import sys
+import threading
 import time
 
 import rospy
@@ -47,6 +48,23 @@ class TfPublisher(TfPublisherCase):
 
     def test_confirm_as_nodelet(self):
         self.check_confirm(as_nodelet=True)
+
+    def test_a_decision_waits_for_a_result_that_is_on_its_way(self):
+        # Who called the registration has the number of the result before the result has come on its topic.
+        self.start_publisher(policy="confirm")
+        wait_for(self.results.get_num_connections, "tf_publisher to listen")
+        self.id_of(1)
+        answers = []
+        caller = threading.Thread(target=lambda: answers.append(self.decide("accept", 1)))
+        caller.start()
+        time.sleep(0.2)
+        self.result(1, 0.25)
+        caller.join()
+        self.assertEqual(answers[0].code, StatusCode.OK, answers[0].message)
+        self.wait_tf(0.25)
+        # What never comes is answered all the same.
+        self.id_of(2)
+        self.assertEqual(self.decide("reject", 2).code, StatusCode.NOTHING_TO_DECIDE)
 
     def test_what_is_refused_or_rejected_leaves_tf_as_it_is(self):
         self.start_publisher(policy="confirm", fixed_frame=self.fixed)

@@ -49,10 +49,9 @@ struct Measures {
   /// of view), by patches almost without a ridge and by patches with one.
   std::optional<double> parts_mm;
   std::optional<double> ridge_parts_mm;
-  /// Those distances over the distances by which halves of mirrored ultrasound move its poses,
-  /// which are wrong: about 1 for a pose that is wrong as well (geometric mean of both kinds of
-  /// patches).
-  std::optional<double> parts_ratio;
+  /// Rise of the similarity that the pose reaches over the rise that clusters of patches reach by
+  /// translations of their own: 1 if all clusters agree with the pose, about 0 if none does.
+  std::optional<double> local_agreement;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.
   std::optional<double> wrong_probability;

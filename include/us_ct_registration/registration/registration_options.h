@@ -160,6 +160,9 @@ struct ConfidenceOptions {
   SimilarityOptions ridge_similarity;
   /// Patches within cubes of this edge are not independent, mm; > 0.
   double cluster_mm = 16.0;
+  /// By this much clusters of patches are shifted to ask whether they would rather lie elsewhere,
+  /// mm; > 0. More than a right pose is off, less than structures of the anatomy are apart.
+  double cluster_step_mm = 3.0;
   PartOptions parts;
   ErrorOptions error;
 

@@ -6,6 +6,7 @@
 
 #include "registration/acquisition_check.h"
 #include "registration/expected_error.h"
+#include "registration/local_agreement.h"
 #include "registration/paired_advantage.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/similarity/catalogue.h"
@@ -14,9 +15,6 @@ namespace usct::registration {
 namespace {
 
 using Eigen::Vector3d;
-
-/// Decoys whose halves move less than this are not compared with closer.
-constexpr double kLeastMotionMm = 0.5;
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -40,10 +38,11 @@ std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
 }
 
 /// The median distance by which halves of the field move a pose.
-double motion_mm(const HalfPoses& halves, const MirroredPose& from, const FieldPoints& field) {
+double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
+                 const FieldPoints& field) {
   std::vector<double> distances;
   for (const Eigen::Isometry3d& pose : halves.all())
-    distances.push_back(field.distance_mm(pose, from.T_us_ct));
+    distances.push_back(field.distance_mm(pose, T_us_ct));
   return median(distances);
 }
 
@@ -108,7 +107,8 @@ bool may_be_missed(const Assessment& assessment) {
 bool Assessor::parts_could_save(const Assessment& compared) const {
   const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
   Assessment best = compared;
-  best.measures.parts_mm = best.measures.ridge_parts_mm = best.measures.parts_ratio = 0.0;
+  best.measures.parts_mm = 0.0;
+  best.measures.local_agreement = 1.0;
   const std::optional<RightProbability> right = right_probability(best.measures);
   return !limit || !right || 1.0 - right->all() <= *limit || !may_be_missed(best);
 }
@@ -173,8 +173,11 @@ void Assessor::compare_with_others(const EvidenceImages& on, const std::vector<C
 
 void Assessor::check_field(const EvidenceImages& on, const Candidate& refined,
                            Assessment& assessment, Run& run) const {
-  compare_parts(on, refined, assessment, run);
   const ConfidenceOptions& confidence = options_.confidence;
+  if (const auto patches = make_similarity(*on.images.levels.back().images, confidence.similarity))
+    assessment.measures.local_agreement = local_agreement(
+        *patches, refined.T_us_ct, confidence.cluster_mm, confidence.cluster_step_mm, run);
+  compare_parts(on, refined, assessment, run);
   const std::optional<AcquisitionErrors> errors = acquisition_errors_at(
       refined.T_us_ct, *on.images.levels.back().images, confidence.ridge_similarity,
       confidence.parts, on.images.prepared.field, run);
@@ -226,25 +229,17 @@ void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined,
                              Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
   const FieldPoints& field = on.images.prepared.field;
-  std::vector<MirroredPose> poses{{refined.T_us_ct, Eigen::Isometry3d::Identity()}};
-  for (const Decoy& decoy : *decoys_) poses.push_back({decoy.best.T_us_ct, decoy.T_mirror});
   std::vector<HalfPoses> halves;
-  double ratios = 1.0;
   const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& moved_mm) {
-    const std::vector<HalfPoses> found = poses_of_halves(
-        *on.images.levels.back().images, similarity, confidence.parts, poses, field, run);
-    if (found.empty()) return;
-    moved_mm = motion_mm(found[0], poses[0], field);
-    halves.push_back(found[0]);
-    std::vector<double> decoys_mm;
-    for (std::size_t i = 1; i < poses.size(); ++i)
-      decoys_mm.push_back(motion_mm(found[i], poses[i], field));
-    if (!decoys_mm.empty()) ratios *= *moved_mm / std::max(median(decoys_mm), kLeastMotionMm);
+    const std::optional<HalfPoses> found = poses_of_halves(
+        *on.images.levels.back().images, similarity, confidence.parts, refined.T_us_ct, field, run);
+    if (!found) return;
+    moved_mm = motion_mm(*found, refined.T_us_ct, field);
+    halves.push_back(*found);
   };
   measure(confidence.similarity, result.measures.parts_mm);
   measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
   if (halves.empty()) return;
-  if (halves.size() == 2 && poses.size() > 1) result.measures.parts_ratio = std::sqrt(ratios);
   const ErrorOptions& error = confidence.error;
   result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error);
   const double expected_mm =

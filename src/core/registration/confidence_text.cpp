@@ -53,12 +53,12 @@ std::string evidence_text(const Measures& m) {
              "check that the CT is of this patient and that the kidney is in view, and give an "
              "initial pose that is closer") +
          line("agreement of parts", right->parts,
-              formatted(
-                  "halves of the field of view, registered alone, move the pose by %.1f and %.1f "
-                  "mm, %.2f times as far as they move a wrong pose",
-                  *m.parts_mm, *m.ridge_parts_mm, *m.parts_ratio),
-              "check the geometry of the probe and the tracking, and acquire again during a breath "
-              "hold and with little pressure");
+              formatted("the pose reaches %.2f of the similarity that small blocks of the field of "
+                        "view could gain each by itself; halves of the field, registered alone, "
+                        "move the pose by %.1f mm",
+                        *m.local_agreement, *m.parts_mm),
+              "check that the CT is of this patient, the geometry of the probe and the tracking, "
+              "and acquire again during a breath hold and with little pressure");
 }
 
 std::string confidence_text(const RegistrationResult& result) {

@@ -52,7 +52,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"rival_advantage", &Measures::rival_advantage},
       {"parts_mm", &Measures::parts_mm},
       {"ridge_parts_mm", &Measures::ridge_parts_mm},
-      {"parts_ratio", &Measures::parts_ratio},
+      {"local_agreement", &Measures::local_agreement},
       {"wrong_probability", &Measures::wrong_probability},
       {"expected_error_mm", &Measures::expected_error_mm},
       {"error_bound_mm", &Measures::error_bound_mm},

@@ -1,27 +1,23 @@
 #include "registration/paired_advantage.h"
 
-#include <array>
 #include <cmath>
 #include <limits>
-#include <map>
+#include <numeric>
+
+#include "registration/clusters.h"
 
 namespace usct::registration {
 
 double paired_advantage(const std::vector<double>& parts, const std::vector<double>& other,
                         const std::vector<Eigen::Vector3d>& centres_us_mm, double cluster_mm) {
-  std::map<std::array<int, 3>, double> clusters;
-  double total = 0.0;
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    const Eigen::Array3i cube = (centres_us_mm[i].array() / cluster_mm).floor().cast<int>();
-    const double difference = parts[i] - other[i];
-    clusters[{cube[0], cube[1], cube[2]}] += difference;
-    total += difference;
-  }
-  const auto count = static_cast<double>(clusters.size());
-  if (clusters.size() < 2) return std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> differences;
+  for (std::size_t i = 0; i < parts.size(); ++i) differences.push_back(parts[i] - other[i]);
+  const std::vector<double> sums = Clusters(centres_us_mm, cluster_mm).sums(differences);
+  if (sums.size() < 2) return std::numeric_limits<double>::quiet_NaN();
+  const auto count = static_cast<double>(sums.size());
+  const double total = std::accumulate(sums.begin(), sums.end(), 0.0);
   double squares = 0.0;
-  for (const auto& [cube, difference] : clusters)
-    squares += (difference - total / count) * (difference - total / count);
+  for (const double sum : sums) squares += (sum - total / count) * (sum - total / count);
   const double error = std::sqrt(squares * count / (count - 1.0));
   // Poses that are the same in every part have no advantage.
   return error > 0.0 ? total / error : 0.0;

@@ -3,7 +3,6 @@
 #include <array>
 
 #include "parallel.h"
-#include "registration/decoys.h"
 #include "us_ct_registration/similarity/catalogue.h"
 
 namespace usct::registration {
@@ -47,36 +46,29 @@ std::array<std::shared_ptr<BeamUltrasound>, 2> halves_of(const BeamUltrasound& u
 
 }  // namespace
 
-std::vector<HalfPoses> poses_of_halves(const SimilarityImages& images,
-                                       const SimilarityOptions& similarity,
-                                       const PartOptions& options,
-                                       const std::vector<MirroredPose>& poses,
-                                       const FieldPoints& field, Run& run) {
+std::optional<HalfPoses> poses_of_halves(const SimilarityImages& images,
+                                         const SimilarityOptions& similarity,
+                                         const PartOptions& options,
+                                         const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
+                                         Run& run) {
   std::vector<std::shared_ptr<BeamUltrasound>> halves;
   for (const Along along : {Along::kLines, Along::kFrames})
     for (auto& half : halves_of(images.ultrasound(), along)) halves.push_back(std::move(half));
-  std::vector<std::vector<Candidate>> found(poses.size(), std::vector<Candidate>(halves.size()));
+  std::vector<Candidate> found(halves.size());
   parallel_for(static_cast<int>(halves.size()), [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     SimilarityImages half(halves[at], images.packed_ct(), nullptr, needs_of(similarity).beams,
                           images.backend());
     const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
     if (!part) return;
-    for (std::size_t p = 0; p < poses.size(); ++p) {
-      const MirroredSimilarity mirrored(*part, poses[p].T_mirror);
-      std::vector<Candidate> climbed{{poses[p].T_us_ct, {}}};
-      evaluate(mirrored, climbed, run);
-      climb(mirrored, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
-      found[p][at] = climbed.front();
-    }
+    std::vector<Candidate> climbed{{T_us_ct, {}}};
+    evaluate(*part, climbed, run);
+    climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
+    found[at] = climbed.front();
   });
-  std::vector<HalfPoses> result;
-  for (const std::vector<Candidate>& of : found) {
-    for (const Candidate& candidate : of)
-      if (!candidate.has_value()) return {};
-    result.push_back({of[0].T_us_ct, of[1].T_us_ct, of[2].T_us_ct, of[3].T_us_ct});
-  }
-  return result;
+  for (const Candidate& candidate : found)
+    if (!candidate.has_value()) return std::nullopt;
+  return HalfPoses{found[0].T_us_ct, found[1].T_us_ct, found[2].T_us_ct, found[3].T_us_ct};
 }
 
 }  // namespace usct::registration

@@ -20,18 +20,12 @@ struct HalfPoses {
   std::vector<Eigen::Isometry3d> all() const { return {left, right, first, last}; }
 };
 
-/// A pose of the ultrasound, or of one that a motion of the field of view has mirrored (decoys.h).
-struct MirroredPose {
-  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d T_mirror = Eigen::Isometry3d::Identity();
-};
-
-/// Climbs from each pose by one similarity on each half of the images. The result is as long as
-/// `poses`, or empty if a half has nothing that the similarity could explain.
-std::vector<HalfPoses> poses_of_halves(const SimilarityImages& images,
-                                       const SimilarityOptions& similarity,
-                                       const PartOptions& options,
-                                       const std::vector<MirroredPose>& poses,
-                                       const FieldPoints& field, Run& run);
+/// Climbs from the pose by a similarity on each half of the images. Unset if a half has nothing
+/// that the similarity could explain.
+std::optional<HalfPoses> poses_of_halves(const SimilarityImages& images,
+                                         const SimilarityOptions& similarity,
+                                         const PartOptions& options,
+                                         const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
+                                         Run& run);
 
 }  // namespace usct::registration

@@ -169,6 +169,7 @@ void ConfidenceOptions::validate(const std::string& source) const {
   usct::validate(similarity, source + ".similarity");
   usct::validate(ridge_similarity, source + ".ridge_similarity");
   require_positive(source, "cluster_mm", cluster_mm);
+  require_positive(source, "cluster_step_mm", cluster_step_mm);
   parts.validate(source + ".parts");
   require_derivatives(parts.optimizer, similarity, source, "parts.optimizer.method");
   require_derivatives(parts.optimizer, ridge_similarity, source, "parts.optimizer.method");

@@ -40,20 +40,17 @@ double RightProbability::all() const {
 std::optional<RightProbability> right_probability(const Measures& m) {
   for (const std::optional<double>& value :
        {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.rival_ratio, m.rival_advantage,
-        m.parts_mm, m.ridge_parts_mm, m.parts_ratio})
+        m.parts_mm, m.local_agreement})
     if (!value || std::isnan(*value)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   const double torn = kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm);
-  const double motion_mm = std::sqrt(*m.parts_mm * *m.ridge_parts_mm);
   RightProbability right;
   right.mirrors = logistic(-0.8 + 4.0 * log_within(*m.mirror_ratio, 0.7, 2.5) +
                            1.55 * std::clamp(*m.mirror_advantage, -3.0, 6.0));
   right.chance = logistic(
       std::min(kMostChanceOdds, -4.0 + 5.3 * log_within(*m.rival_ratio, 0.7, 3.0) +
                                     0.7 * std::clamp(*m.rival_advantage, -3.0, 6.0) - far));
-  right.parts =
-      logistic(std::min(kMostPartsOdds, -1.3 - 0.7 * log_within(motion_mm, 0.6, 7.0) -
-                                            3.9 * log_within(*m.parts_ratio, 0.2, 1.5) - torn));
+  right.parts = logistic(std::min(kMostPartsOdds, 30.0 * (*m.local_agreement - 0.34) - torn));
   return right;
 }
 

@@ -50,12 +50,14 @@ std::string chance_words(const Measures& m) {
 }
 
 std::string parts_words(const Measures& m) {
-  return "parts of the ultrasound lead to different poses (halves of the field move it by " +
-         number(*m.parts_mm) + " and " + number(*m.ridge_parts_mm) + " mm, " +
-         number(*m.parts_ratio) +
-         " times as far as they move a pose that is wrong): the anatomy may be deformed, may have "
-         "moved during the sweep, or may be another "
-         "patient's; check probe geometry and tracking, and acquire again during a breath hold";
+  return "parts of the ultrasound would rather lie elsewhere (the pose reaches " +
+         number(*m.local_agreement) +
+         " of the similarity that small blocks of the field could gain each by itself; halves of "
+         "the field move it by " +
+         number(*m.parts_mm) +
+         " mm): the CT may be of another patient, or the anatomy may be deformed or may have moved "
+         "during the sweep; check whose CT it is, probe geometry and tracking, and acquire again "
+         "during a breath hold";
 }
 
 /// Errors beyond these are named. Of seven phantoms with right geometry none was estimated to be

@@ -238,8 +238,8 @@ inline void randomise(ErrorOptions& o) {
   radius_mm = between(1, 99);
 }
 inline void randomise(ConfidenceOptions& o) {
-  auto& [gates, source, rival_mm, decoys, similarity, ridge_similarity, cluster_mm, parts, error] =
-      o;
+  auto& [gates, source, rival_mm, decoys, similarity, ridge_similarity, cluster_mm, step_mm, parts,
+         error] = o;
   randomise(gates);
   source = one_of({EvidenceSource::kOwn, EvidenceSource::kPatient});
   rival_mm = between(0, 30);
@@ -247,6 +247,7 @@ inline void randomise(ConfidenceOptions& o) {
   randomise(similarity);
   randomise(ridge_similarity);
   cluster_mm = between(1, 50);
+  step_mm = between(0.1, 20);
   randomise(parts);
   randomise(error);
 }

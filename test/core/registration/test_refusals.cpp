@@ -231,6 +231,8 @@ TEST(Refusals, InvalidOptionsOfTheEvidence) {
   using Confidence = ConfidenceOptions;
   expect_error([](Confidence& o) { o.rival_mm = -1.0; }, {"o.confidence", "'rival_mm' is -1"});
   expect_error([](Confidence& o) { o.cluster_mm = 0.0; }, {"o.confidence", "'cluster_mm' is 0"});
+  expect_error([](Confidence& o) { o.cluster_step_mm = 0.0; },
+               {"o.confidence", "'cluster_step_mm' is 0"});
   expect_error([](Confidence& o) { o.decoys.optimised = 0; },
                {"o.confidence.decoys", "'optimised' is 0"});
   expect_error([](Confidence& o) { o.decoys.tolerance_factor = 0.5; },

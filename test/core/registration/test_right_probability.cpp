@@ -25,8 +25,7 @@ const std::vector<Evidence>& evidence() {
       {&Measures::mirror_advantage, true, -9.0, 9.0},
       {&Measures::rival_ratio, true, 0.1, 5.0},
       {&Measures::parts_mm, false, 0.01, 40.0},
-      {&Measures::ridge_parts_mm, false, 0.01, 40.0},
-      {&Measures::parts_ratio, false, 0.01, 5.0},
+      {&Measures::local_agreement, true, -0.3, 1.0},
       {&Measures::rival_advantage, true, -9.0, 9.0},
   };
   return all;
@@ -69,8 +68,8 @@ Measures middling() {
   measures.mirror_ratio = measures.rival_ratio = 1.4;
   measures.mirror_advantage = 1.0;
   measures.rival_advantage = 3.0;
-  measures.parts_mm = measures.ridge_parts_mm = 2.0;
-  measures.parts_ratio = 0.7;
+  measures.parts_mm = 5.0;
+  measures.local_agreement = 0.4;
   return measures;
 }
 
@@ -98,6 +97,7 @@ TEST(RightProbability, OtherMeasuresAreNoEvidence) {
   Measures measures = middling();
   const double before = right_probability(measures)->all();
   measures.overlap = 0.0;
+  measures.ridge_parts_mm = 9.0;
   measures.disagreement_mm = 30.0;
   measures.depth_error = 0.1;
   measures.expected_error_mm = kNan;
@@ -116,7 +116,8 @@ TEST(RightProbability, EachKindRefusesAlone) {
   Measures strong = middling();
   strong.mirror_ratio = strong.rival_ratio = 5.0;
   strong.mirror_advantage = strong.rival_advantage = 9.0;
-  strong.parts_mm = strong.ridge_parts_mm = strong.parts_ratio = 0.1;
+  strong.parts_mm = 0.1;
+  strong.local_agreement = 0.9;
   strong.displacement_mm = 0.0;
   EXPECT_TRUE(is_accepted(strong));
   Measures mirrored = strong;
@@ -128,9 +129,11 @@ TEST(RightProbability, EachKindRefusesAlone) {
   by_chance.rival_advantage = 0.5;
   EXPECT_FALSE(is_accepted(by_chance));
   Measures torn = strong;
-  torn.parts_mm = torn.ridge_parts_mm = 10.0;
-  torn.parts_ratio = 1.1;
+  torn.parts_mm = 10.0;
   EXPECT_FALSE(is_accepted(torn));
+  Measures of_another_patient = strong;
+  of_another_patient.local_agreement = 0.15;
+  EXPECT_FALSE(is_accepted(of_another_patient));
 }
 
 /// Distance counts only where the other evidence is not strong.
@@ -142,8 +145,8 @@ TEST(RightProbability, AFarPoseNeedsStrongerEvidence) {
   EXPECT_LT(right_probability(measures)->all(), 0.5 * near);
   measures.mirror_ratio = measures.rival_ratio = 3.0;
   measures.mirror_advantage = measures.rival_advantage = 6.0;
-  measures.parts_mm = measures.ridge_parts_mm = 0.5;
-  measures.parts_ratio = 0.3;
+  measures.parts_mm = 0.5;
+  measures.local_agreement = 0.6;
   EXPECT_GT(right_probability(measures)->all(), 0.9);
 }
 

@@ -21,7 +21,7 @@ Assessment strong() {
   m.mirror_ratio = m.chance_ratio = m.rival_ratio = 2.0;
   m.mirror_advantage = m.chance_advantage = m.rival_advantage = 5.0;
   m.parts_mm = m.ridge_parts_mm = 0.5;
-  m.parts_ratio = 0.2;
+  m.local_agreement = 0.6;
   assessment.best_mirror = Mirror::kLines;
   return assessment;
 }
@@ -46,7 +46,7 @@ Assessment torn() {
   Assessment assessment = strong();
   assessment.measures.parts_mm = 7.0;
   assessment.measures.ridge_parts_mm = 9.0;
-  assessment.measures.parts_ratio = 1.1;
+  assessment.measures.local_agreement = 0.12;
   return assessment;
 }
 
@@ -101,7 +101,8 @@ TEST(Verdict, ARivalIsToldFromChance) {
 }
 
 TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
-  expect_named(torn(), {"parts of the ultrasound", "7 and 9 mm"});
+  expect_named(torn(),
+               {"parts of the ultrasound", "reaches 0.12", "move it by 7 mm", "another patient"});
 }
 
 TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
@@ -124,7 +125,7 @@ TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
 
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
   Assessment assessment = mirrored(Mirror::kLines, 0.7, -9.0);
-  assessment.measures.parts_ratio = 0.9;
+  assessment.measures.local_agreement = 0.3;
   expect_named(assessment, {"lines in reverse order"});
 }
 

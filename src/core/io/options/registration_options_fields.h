@@ -235,6 +235,7 @@ void describe(Fields& fields, ConfidenceOptions& o) {
   fields("similarity", o.similarity);
   fields("ridge_similarity", o.ridge_similarity);
   fields("cluster_mm", o.cluster_mm);
+  fields("cluster_step_mm", o.cluster_step_mm);
   fields("parts", o.parts);
   fields("error", o.error);
 }
