@@ -182,6 +182,13 @@ class StudyReport(unittest.TestCase):
         for outside in ("http:", "https:", "url(", "@import", "<script"):
             self.assertNotIn(outside, text)
 
+    def test_plots_are_files_as_well(self):
+        (self.folder / "study.json").write_text(json.dumps(study([run(1.5), run(best_mm=9.0)])))
+        subprocess.run([SCRIPT, self.folder / "study.json", "--plots", self.folder / "plots"], check=True)
+        names = {path.name for path in (self.folder / "plots").iterdir()}
+        self.assertEqual(names, {"errors.png", "cdf.png", "success.png", "final_against_initial.png", "seconds.png"})
+        self.assertTrue((self.folder / "plots/cdf.png").read_bytes().startswith(b"\x89PNG"))
+
     def test_every_run_is_a_row_of_the_csv(self):
         self.assertEqual(self.report(json.dumps(study([run(1.5), run(best_mm=9.0)]))).returncode, 0)
         with open(self.folder / "out" / "runs.csv", newline="") as file:
