@@ -41,7 +41,7 @@ if(NOT USCT_CORE_ONLY)
 endif()
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${USCT_INCLUDE_DIR})
 install(DIRECTORY config studies DESTINATION ${USCT_SHARE_DIR})
-install(PROGRAMS scripts/study_report scripts/study_slurm DESTINATION ${USCT_SCRIPT_DIR})
+install(PROGRAMS scripts/study_cases scripts/study_report scripts/study_slurm DESTINATION ${USCT_SCRIPT_DIR})
 
 # With ROS, catkin_package() makes the files that find_package(us_ct_registration) reads.
 if(USCT_CORE_ONLY)

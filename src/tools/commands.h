@@ -23,6 +23,7 @@ void add_register_command(CLI::App& app, Run& run);
 void add_presets_command(CLI::App& app, Run& run);
 void add_evaluate_command(CLI::App& app, Run& run);
 void add_gold_command(CLI::App& app, Run& run);
+void add_case_command(CLI::App& app, Run& run);
 void add_study_command(CLI::App& app, Run& run);
 /// Runs the program usct_bag (ros/) in place of this one, so that other subcommands do not load the
 /// libraries of ROS, which takes 20 ms. In a build without ROS the subcommand only says so.

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   add_presets_command(app, run);
   add_evaluate_command(app, run);
   add_gold_command(app, run);
+  add_case_command(app, run);
   add_study_command(app, run);
   add_bag_command(app, run);
   return run_program(app, run, argc, argv);

@@ -48,7 +48,10 @@ struct StudyCommand {
   int threads = omp_get_max_threads();
   std::string output;
   std::string pictures;
+  bool profiles = false;
   bool quiet = false;
+
+  bool has_extras() const { return profiles || !pictures.empty(); }
 };
 
 /// The kinds that are named, or all negative ones (with strangers, if there are any).
@@ -122,10 +125,16 @@ std::vector<StudyRun> all_of(std::vector<std::optional<StudyRun>> known) {
   return runs;
 }
 
-std::vector<StudyPicture> pictures_of(const StudyCommand& command, const Study& study,
-                                      const CaseSource& cases, const std::vector<StudyRun>& runs) {
-  if (command.pictures.empty()) return {};
-  return write_study_pictures(study, cases, runs, command.pictures);
+StudyExtras extras_of(const StudyCommand& command, const StudyPlan& plan, const CaseSource& cases,
+                      const std::vector<StudyRun>& runs) {
+  StudyExtras extras;
+  if (!command.pictures.empty())
+    extras.pictures = write_study_pictures(plan.study, cases, runs, command.pictures);
+  if (command.profiles) {
+    omp_set_num_threads(command.threads);
+    extras.profiles = study_profiles(plan, cases);
+  }
+  return extras;
 }
 
 /// Carries out the study of a file, in its folder of results.
@@ -139,12 +148,12 @@ int run_file(const StudyCommand& command) {
   const CaseSource cases = case_reader(plan.study);
   const std::vector<StudyRun> runs = all_of(carry_out(plan, cases, registers_of(plan.study), work));
   if (runs.empty()) return kDone;
-  write_study_report(plan.study, runs, {}, work.folder);
+  write_study_report(plan, runs, {}, work.folder);
   std::printf("%s\n%s", tables_markdown(result_tables(plan.study, runs)).c_str(),
               tables_markdown({costs_table(plan.study, runs)}).c_str());
-  // Pictures come last, since they take seconds each.
-  const std::vector<StudyPicture> pictures = pictures_of(command, plan.study, cases, runs);
-  if (!pictures.empty()) write_study_json(plan.study, runs, pictures, work.folder / "study.json");
+  // Pictures and profiles come last, since they take seconds each.
+  if (command.has_extras())
+    write_study_json(plan, runs, extras_of(command, plan, cases, runs), work.folder / "study.json");
   return kDone;
 }
 
@@ -176,8 +185,8 @@ int run_cases(const StudyCommand& command) {
   const CaseSource cases = case_reader(study);
   const std::vector<StudyRun> runs =
       all_of(carry_out(plan, cases, registers_of(study), work_of(command)));
-  const std::vector<StudyPicture> pictures = pictures_of(command, study, cases, runs);
-  if (!command.output.empty()) write_study_json(study, runs, pictures, command.output);
+  const StudyExtras extras = extras_of(command, plan, cases, runs);
+  if (!command.output.empty()) write_study_json(plan, runs, extras, command.output);
   print_tables(command, plan, cases, runs);
   return kDone;
 }
@@ -307,6 +316,9 @@ void add_study_command(CLI::App& app, Run& run) {
       "of every run. The script 'study_report' makes a page of the JSON of either");
   sub->add_option("--pictures", command->pictures,
                   "folder for pictures of the worst run of each group");
+  sub->add_flag("--profiles", command->profiles,
+                "also evaluates the similarity of each method along six axes through the truth of "
+                "each case, for the JSON and the page");
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
   sub->callback([command, &run] { run = [command] { return run_study(*command); }; });
 }

@@ -5,6 +5,7 @@ import html.parser
 import importlib.machinery
 import importlib.util
 import json
+import math
 import pathlib
 import shutil
 import subprocess
@@ -40,6 +41,23 @@ def study(runs, methods=("m",), pictures=()):
             "tables": [{"title": title, "header": ["method", "x & y"], "rows": [["m", "< 1"]], "note": "Note."}
                        for title in titles],
             "pictures": list(pictures), "runs": runs}
+
+
+def pose(angle_deg=0.0, shift=(0.0, 0.0, 0.0), about=(0.0, 0.0, 0.0)):
+    """16 numbers, row by row: a rotation about z through a point, then a shift."""
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    x, y = about[0] - c * about[0] + s * about[1], about[1] - s * about[0] - c * about[1]
+    return [c, -s, 0, x + shift[0], s, c, 0, y + shift[1], 0, 0, 1, shift[2], 0, 0, 0, 1]
+
+
+def case(name="g_1", samples=1000000, truth=None, centre=(10.0, 60.0, 5.0)):
+    return {"name": name, "T_us_ct_true": truth or pose(), "centre_us_mm": list(centre), "us_samples": samples,
+            "ct_voxels": 5}
+
+
+def profile(values, method="m"):
+    axis = {"offsets": [-1.0, 0.0, 1.0], "values": values}
+    return {"method": method, "case": "g_1", "axes": [axis] * 6}
 
 
 class Page(html.parser.HTMLParser):
@@ -107,6 +125,43 @@ class StudyReport(unittest.TestCase):
         worst = study_report.worst_runs([run(1.0), run(), run(7.0), wrong])
         self.assertEqual([study_report.mean_of(one["tre_mm"]) for one in worst], [None, 7.0, 1.0])
 
+    def test_the_motion_of_a_start_is_about_the_centre_of_the_targets(self):
+        turned = {"T_us_ct_initial": pose(20.0, (3.0, 0.0, 4.0), (10.0, 60.0, 5.0))}
+        angle, shift = study_report.start_motion(turned, case())
+        self.assertAlmostEqual(angle, 20.0)
+        self.assertAlmostEqual(shift, 5.0)
+        # A truth of 30 degrees about another point leaves the motion between the two.
+        truth = pose(30.0, (7.0, -2.0, 1.0))
+        angle, _ = study_report.start_motion(turned, case(truth=truth))
+        self.assertAlmostEqual(angle, 10.0)
+        self.assertAlmostEqual(study_report.start_motion({"T_us_ct_initial": truth}, case(truth=truth))[1], 0.0)
+
+    def test_starts_are_mapped_by_rotation_and_shift(self):
+        starts = [(0.0, 1.0, 1.0), (0.0, 1.0, 9.0), (19.0, 9.9, None), (20.0, 10.0, 2.0)]
+        runs = [{**run(error), "T_us_ct_initial": pose(angle, (shift, 0.0, 0.0), (10.0, 60.0, 5.0))}
+                for angle, shift, error in starts]
+        counts = study_report.success_map(runs, {"g_1": case()}, 5.0, 20.0, 10.0)
+        self.assertEqual((counts[0][0], counts[4][4]), ([2, 1], [2, 1]))
+        self.assertEqual(sum(count for row in counts for count, _ in row), 4)
+
+    def test_profiles_are_scaled_to_their_range(self):
+        self.assertEqual(study_report.scaled_profile({"values": [1.0, 3.0, None]}), [-1.0, 0.0, None])
+        self.assertIsNone(study_report.scaled_profile({"values": [1.0, None, 2.0]}))
+        self.assertIsNone(study_report.scaled_profile({"values": [1.0, 1.0, 1.0]}))
+
+    def test_plots_appear_with_what_they_need(self):
+        runs = [{**run(1.0), "case": case_name, "displacement_mm": 3.0,
+                 "T_us_ct_initial": pose(5.0, (2.0, 0.0, 0.0))} for case_name in ("g_1", "g_2")]
+        cases = [case(), case("g_2", 2000000)]
+        plots = study_report.Plots({**study(runs), "cases": cases, "profiles": [profile([0.1, 0.9, 0.2])]})
+        self.assertIn("Capture range", plots.capture_range())
+        self.assertIn("Similarity along the axes", plots.profiles())
+        self.assertIn("Time against size", plots.size())
+        without = study_report.Plots(study(runs))
+        self.assertEqual((without.capture_range(), without.profiles(), without.size()), ("", "", ""))
+        of_one_size = study_report.Plots({**study(runs), "cases": [case(), case("g_2")], "profiles": []})
+        self.assertEqual((of_one_size.profiles(), of_one_size.size()), ("", ""))
+
     def test_the_page_is_whole_and_needs_no_other_file(self):
         (self.folder / "worst").mkdir()
         from PIL import Image
@@ -126,6 +181,13 @@ class StudyReport(unittest.TestCase):
         self.assertNotIn("<n>", text)
         for outside in ("http:", "https:", "url(", "@import", "<script"):
             self.assertNotIn(outside, text)
+
+    def test_plots_are_files_as_well(self):
+        (self.folder / "study.json").write_text(json.dumps(study([run(1.5), run(best_mm=9.0)])))
+        subprocess.run([SCRIPT, self.folder / "study.json", "--plots", self.folder / "plots"], check=True)
+        names = {path.name for path in (self.folder / "plots").iterdir()}
+        self.assertEqual(names, {"errors.png", "cdf.png", "success.png", "final_against_initial.png", "seconds.png"})
+        self.assertTrue((self.folder / "plots/cdf.png").read_bytes().startswith(b"\x89PNG"))
 
     def test_every_run_is_a_row_of_the_csv(self):
         self.assertEqual(self.report(json.dumps(study([run(1.5), run(best_mm=9.0)]))).returncode, 0)

@@ -37,6 +37,22 @@ struct StudyCase {
 /// if the files of targets have different numbers of points.
 StudyCase read_study_case(const std::filesystem::path& folder);
 
+/// Writes a case that `read_study_case` reads: `ct.nrrd` and the other files, complete or not at
+/// all. If `with_targets_ct` is false, `targets_ct_mm` is not written, since nothing is known of a
+/// deformation. Throws InputError as `write_whole_folder`.
+void write_study_case(const StudyCase& study_case, const std::filesystem::path& folder,
+                      bool with_targets_ct = true);
+
+/// Throws InputError, naming `source` and the number of the point (from 1), if a point in the CT's
+/// frame, mm, lies outside the CT.
+void require_in_ct(const std::vector<Eigen::Vector3d>& points_ct_mm, const CtVolume& ct,
+                   const std::string& source);
+
+/// The same of points in the US frame, mm, outside the box along its axes that holds all samples:
+/// less exact than the field of view, but other axes or units are found out.
+void require_in_ultrasound(const std::vector<Eigen::Vector3d>& points_us_mm,
+                           const PreScanVolume& ultrasound, const std::string& source);
+
 /// Reads what a study needs of a stranger: the CT, and the targets in it from `targets_ct.csv` or,
 /// without that file, from `truth.tfm` and `targets.csv`. Throws InputError, naming the file, if
 /// one is missing or invalid.

@@ -1,11 +1,15 @@
 #include "us_ct_registration/evaluation/study_case.h"
 
 #include "geometry/centroid.h"
+#include "us_ct_registration/formatted.h"
+#include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
+#include "us_ct_registration/io/whole_folder.h"
+#include "us_ct_registration/volume/sampling.h"
 
 namespace usct {
 namespace {
@@ -26,6 +30,23 @@ fs::path find_ct(const fs::path& folder) {
     throw InputError(folder.string(), "has " + std::to_string(found.size()) +
                                           " of ct.nrrd, ct.mha and ct.nii.gz, must have one");
   return found.front();
+}
+
+/// The smallest box along the axes that holds the points.
+using Box = Eigen::AlignedBox3d;
+
+template <typename Contains>
+void require_all(const std::vector<Vector3d>& points_mm, const Contains& contains, const Box& box,
+                 const std::string& what, const std::string& source) {
+  for (std::size_t i = 0; i < points_mm.size(); ++i)
+    if (!contains(points_mm[i]))
+      throw InputError(
+          source,
+          formatted("point %zu is (%.1f, %.1f, %.1f) mm, must lie in %s: (%.1f, %.1f, %.1f) to "
+                    "(%.1f, %.1f, %.1f) mm",
+                    i + 1, points_mm[i].x(), points_mm[i].y(), points_mm[i].z(), what.c_str(),
+                    box.min().x(), box.min().y(), box.min().z(), box.max().x(), box.max().y(),
+                    box.max().z()));
 }
 
 }  // namespace
@@ -50,6 +71,42 @@ StudyCase read_study_case(const fs::path& folder) {
                                          " points, must have as many as targets.csv, " +
                                          std::to_string(study_case.targets_us_mm.size()));
   return study_case;
+}
+
+void write_study_case(const StudyCase& study_case, const fs::path& folder, bool with_targets_ct) {
+  write_whole_folder(folder, [&](const fs::path& made) {
+    write_volume(study_case.ct, made / "ct.nrrd");
+    write_prescan_nrrd(study_case.ultrasound, made / "us.nrrd");
+    write_T_us_ct(study_case.T_us_ct_true, made / "truth.tfm");
+    write_points_mm(study_case.targets_us_mm, made / "targets.csv");
+    if (with_targets_ct) write_points_mm(study_case.targets_ct_mm, made / "targets_ct.csv");
+  });
+}
+
+void require_in_ct(const std::vector<Vector3d>& points_ct_mm, const CtVolume& ct,
+                   const std::string& source) {
+  Box box;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Array3d ends(corner & 1, corner >> 1 & 1, corner >> 2);
+    box.extend(
+        ct.grid.physical_from_index((ends * ct.grid.size.cast<double>().array() - 0.5).matrix()));
+  }
+  const auto contains = [&](const Vector3d& p_mm) {
+    return contains_index(ct.grid, ct.grid.index_from_physical(p_mm));
+  };
+  require_all(points_ct_mm, contains, box, "the CT (LPS: x to the left, y to the back)", source);
+}
+
+void require_in_ultrasound(const std::vector<Vector3d>& points_us_mm,
+                           const PreScanVolume& ultrasound, const std::string& source) {
+  const BeamGrid beams = beam_grid(ultrasound.geometry);
+  Box box;
+  for (int frame = 0; frame < beams.frames; ++frame)
+    for (int line = 0; line < beams.lines; ++line)
+      for (const int sample : {0, beams.samples() - 1})
+        box.extend(beams.point(frame, line, sample));
+  const auto contains = [&](const Vector3d& p_mm) { return box.contains(p_mm); };
+  require_all(points_us_mm, contains, box, "the ultrasound", source);
 }
 
 StudyCase read_stranger(const fs::path& folder) {

@@ -3,6 +3,7 @@
 #include "evaluation/study_run_json.h"
 #include "io/bytes.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {
@@ -47,6 +48,35 @@ Json study_json(const Study& study, const std::vector<StudyRun>& runs) {
           {"one_at_a_time", study.how == StudyThreads::kWithinTrial}};
 }
 
+Json case_json(const StudyCase& outline) {
+  const BeamGrid beams = beam_grid(outline.ultrasound.geometry);
+  const Eigen::Vector3d centre = outline.centre_us_mm();
+  return {{"name", outline.name},
+          {"T_us_ct_true", io::pose_json(outline.T_us_ct_true)},
+          {"centre_us_mm", {centre.x(), centre.y(), centre.z()}},
+          {"us_samples", beams.beams.size() * static_cast<std::size_t>(beams.samples())},
+          {"ct_voxels", outline.ct.grid.size.cast<std::int64_t>().prod()}};
+}
+
+Json picture_json(const StudyPicture& picture, const std::filesystem::path& seen_from) {
+  return {{"method", picture.method},
+          {"group", picture.group},
+          {"case", picture.case_name},
+          {"kind", picture.kind},
+          {"start", picture.start},
+          {"folder", std::filesystem::proximate(picture.folder, seen_from).string()}};
+}
+
+Json profile_json(const StudyProfile& profile) {
+  Json axes = Json::array();
+  for (const SimilarityProfile& axis : profile.axes) {
+    Json values = Json::array();
+    for (const double value : axis.values) values.push_back(io::number_json(value));
+    axes.push_back({{"offsets", axis.offsets}, {"values", values}});
+  }
+  return {{"method", profile.method}, {"case", profile.case_name}, {"axes", axes}};
+}
+
 }  // namespace
 
 std::string tables_markdown(const std::vector<Table>& tables) {
@@ -56,15 +86,17 @@ std::string tables_markdown(const std::vector<Table>& tables) {
   return text;
 }
 
-void write_study_json(const Study& study, const std::vector<StudyRun>& runs,
-                      const std::vector<StudyPicture>& pictures,
-                      const std::filesystem::path& path) {
+void write_study_json(const StudyPlan& plan, const std::vector<StudyRun>& runs,
+                      const StudyExtras& extras, const std::filesystem::path& path) {
   Json json;
   json["version"] = USCT_VERSION;
-  json["study"] = study_json(study, runs);
+  json["study"] = study_json(plan.study, runs);
+  json["cases"] = Json::array();
+  for (const StudyCase& outline : plan.cases)
+    if (!outline.is_stranger) json["cases"].push_back(case_json(outline));
   json["tables"] = Json::array();
-  std::vector<Table> tables = result_tables(study, runs);
-  tables.push_back(costs_table(study, runs));
+  std::vector<Table> tables = result_tables(plan.study, runs);
+  tables.push_back(costs_table(plan.study, runs));
   for (const Table& table : tables)
     json["tables"].push_back({{"title", table.title},
                               {"header", table.header},
@@ -72,25 +104,22 @@ void write_study_json(const Study& study, const std::vector<StudyRun>& runs,
                               {"note", table.note}});
   json["pictures"] = Json::array();
   const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  for (const StudyPicture& picture : pictures)
-    json["pictures"].push_back(
-        {{"method", picture.method},
-         {"group", picture.group},
-         {"case", picture.case_name},
-         {"kind", picture.kind},
-         {"start", picture.start},
-         {"folder", std::filesystem::proximate(picture.folder, folder).string()}});
+  for (const StudyPicture& picture : extras.pictures)
+    json["pictures"].push_back(picture_json(picture, folder));
+  json["profiles"] = Json::array();
+  for (const StudyProfile& profile : extras.profiles)
+    json["profiles"].push_back(profile_json(profile));
   json["runs"] = Json::array();
   for (const StudyRun& run : runs) json["runs"].push_back(run_json(run));
   io::write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
-void write_study_report(const Study& study, const std::vector<StudyRun>& runs,
-                        const std::vector<StudyPicture>& pictures,
-                        const std::filesystem::path& folder) {
+void write_study_report(const StudyPlan& plan, const std::vector<StudyRun>& runs,
+                        const StudyExtras& extras, const std::filesystem::path& folder) {
+  const Study& study = plan.study;
   io::write_text(folder / "tables.md", tables_markdown(result_tables(study, runs)));
   io::write_text(folder / "costs.md", tables_markdown({costs_table(study, runs)}));
-  write_study_json(study, runs, pictures, folder / "study.json");
+  write_study_json(plan, runs, extras, folder / "study.json");
 }
 
 }  // namespace usct

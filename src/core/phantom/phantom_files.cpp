@@ -1,7 +1,5 @@
 #include "us_ct_registration/phantom/phantom_files.h"
 
-#include <unistd.h>
-
 #include <fstream>
 #include <set>
 
@@ -10,21 +8,12 @@
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
+#include "us_ct_registration/io/whole_folder.h"
 
 namespace usct::phantom {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// The path `folder` without a slash at its end ("out/" becomes "out").
-fs::path without_trailing_slash(const fs::path& folder) {
-  return folder.has_filename() ? folder : folder.parent_path();
-}
-
-fs::path parent_of(const fs::path& folder) {
-  const fs::path parent = folder.parent_path();
-  return parent.empty() ? fs::path(".") : parent;
-}
 
 void write_text(const fs::path& path, const std::string& text) {
   std::ofstream out(path, std::ios::binary);
@@ -54,33 +43,17 @@ void require_phantom_folder(const fs::path& folder, const std::string& ct_extens
   static const std::set<std::string> kExtensions = {".nrrd", ".mha", ".nii.gz"};
   if (kExtensions.count(ct_extension) == 0)
     throw InputError("CT format", "is '" + ct_extension + "', must be .nrrd, .mha or .nii.gz");
-  const fs::path target = without_trailing_slash(folder);
-  std::error_code error;
-  if (target.empty() || !fs::is_directory(parent_of(target), error))
-    throw InputError(folder.string(), "the folder that it lies in does not exist");
-  if (!fs::exists(fs::symlink_status(target, error))) return;
-  if (!fs::is_directory(target, error) || !fs::is_empty(target, error) || error)
-    throw InputError(folder.string(), "exists, must be absent or an empty folder");
+  require_new_folder(folder);
 }
 
 void write_phantom(const PhantomCase& phantom, const fs::path& folder,
                    const std::string& ct_extension,
                    const std::function<void(const fs::path&)>& write_more) {
   require_phantom_folder(folder, ct_extension);
-  const fs::path target = without_trailing_slash(folder);
-  const fs::path temporary =
-      parent_of(target) / ("." + target.filename().string() + ".tmp-" + std::to_string(getpid()));
-  std::error_code error;
-  if (!fs::create_directory(temporary, error))
-    throw InputError(folder.string(), "cannot be created: " + error.message());
-  try {
+  write_whole_folder(folder, [&](const fs::path& temporary) {
     write_files(phantom, temporary, ct_extension);
     if (write_more) write_more(temporary);
-    fs::rename(temporary, target);
-  } catch (...) {
-    fs::remove_all(temporary, error);
-    throw;
-  }
+  });
 }
 
 }  // namespace usct::phantom

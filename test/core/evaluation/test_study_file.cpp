@@ -129,15 +129,22 @@ TEST_F(StudyFile, CasesBeginAtTheRoot) {
 }
 
 TEST_F(StudyFile, ThoseThatShipAreRead) {
-  for (const char* scene : {"agar", "patient"})
+  for (const std::string group :
+       {"agar", "patient", "patienthard", "contrast60", "noise12", "gas50", "soundspeed3", "sweep1",
+        "field50", "deformed8", "breathing8", "foragar", "forfat", "forhard"})
     for (int seed = 3001; seed <= 3007; ++seed)
       std::filesystem::create_directories(folder_.path() / "cases" /
-                                          (scene + ("_" + std::to_string(seed))));
+                                          (group + "_" + std::to_string(seed)));
   std::map<std::string, std::size_t> methods;
   for (const auto& file : std::filesystem::directory_iterator(USCT_SOURCE_DIR "/studies"))
     methods[file.path().filename()] = read_study(file.path(), folder_.path()).methods.size();
-  EXPECT_EQ(methods, (std::map<std::string, std::size_t>{{"comparison.yaml", 13},
-                                                         {"thesis_phantom.yaml", 3}}));
+  EXPECT_EQ(methods, (std::map<std::string, std::size_t>{{"calibration.yaml", 2},
+                                                         {"comparison.yaml", 13},
+                                                         {"mu_offset.yaml", 5},
+                                                         {"robustness.yaml", 2},
+                                                         {"thesis_patient.yaml", 3},
+                                                         {"thesis_phantom.yaml", 3},
+                                                         {"transfer.yaml", 3}}));
 }
 
 TEST_F(StudyFile, WhatIsWrongIsNamedWithItsPath) {

@@ -84,7 +84,7 @@ std::string report_of(const StudyPlan& plan, const std::vector<std::optional<Stu
     if (run) runs.push_back(*run);
   }
   const TemporaryFolder folder;
-  write_study_report(plan.study, runs, {}, folder.path());
+  write_study_report(plan, runs, {}, folder.path());
   return read_text(folder.path() / "tables.md") + read_text(folder.path() / "study.json");
 }
 

@@ -1,0 +1,107 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/tools/run_usct.h"
+#include "us_ct_registration/evaluation/study_case.h"
+#include "us_ct_registration/io/results/points_io.h"
+
+namespace usct::test {
+namespace {
+
+/// A tiny phantom, and landmarks: the points of its kidney that lie well within the ultrasound.
+class Case : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    const Outcome outcome =
+        run_usct({"phantom", "--quiet", "--scene", "agar", "--output", path("phantom"), "--size",
+                  "60", "32", "24", "--ct-size", "70", "56", "36", "--ct-spacing", "3", "3", "4"});
+    ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+    const StudyCase phantom = read_study_case(path("phantom"));
+    std::vector<Eigen::Vector3d> us;
+    std::vector<Eigen::Vector3d> ct;
+    for (std::size_t i = 0; i < phantom.targets_us_mm.size(); ++i)
+      if (std::hypot(phantom.targets_us_mm[i].x(), phantom.targets_us_mm[i].z()) < 15.0) {
+        us.push_back(phantom.targets_us_mm[i]);
+        ct.push_back(phantom.targets_ct_mm[i]);
+      }
+    ASSERT_GE(us.size(), 4U);
+    write_points_mm(us, path("us.csv"));
+    write_points_mm(ct, path("ct.csv"));
+  }
+  static void TearDownTestSuite() { delete folder_; }
+  static std::string path(const std::string& name) { return (folder_->path() / name).string(); }
+
+  /// Makes the case `name` of the phantom's images.
+  static Outcome make(const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{
+        "case",     "--ct",    path("phantom/ct.nrrd"), "--us", path("phantom/us.nrrd"),
+        "--output", path(name)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_usct(arguments);
+  }
+  static void expect_refused(const std::vector<std::string>& more,
+                             const std::vector<std::string>& parts) {
+    const Outcome outcome = make("refused", more);
+    EXPECT_EQ(outcome.exit_status, 2) << outcome.errors;
+    for (const std::string& part : parts)
+      EXPECT_NE(outcome.errors.find(part), std::string::npos) << outcome.errors;
+    EXPECT_FALSE(std::filesystem::exists(path("refused")));
+  }
+
+ private:
+  static TemporaryFolder* folder_;
+};
+TemporaryFolder* Case::folder_ = nullptr;
+
+TEST_F(Case, LandmarksGiveTruthAndTargetsOfAStudy) {
+  const Outcome outcome = make("own_1", {"--landmarks", path("ct.csv"), path("us.csv")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_NE(outcome.output.find(" landmarks: FRE 0.00 mm"), std::string::npos) << outcome.output;
+  const StudyCase made = read_study_case(path("own_1"));
+  const StudyCase phantom = read_study_case(path("phantom"));
+  EXPECT_TRUE(made.T_us_ct_true.isApprox(phantom.T_us_ct_true, 1e-4));
+  EXPECT_EQ(made.ct.voxels, phantom.ct.voxels);
+  EXPECT_EQ(made.ultrasound.voxels, phantom.ultrasound.voxels);
+  EXPECT_EQ(made.targets_us_mm, read_points_mm(path("us.csv")));
+  EXPECT_EQ(made.targets_ct_mm, read_points_mm(path("ct.csv")));
+
+  const Outcome study = run_usct({"study", path("own_1"), "--preset", "fast", "--starts", "1",
+                                  "--quiet", "--profiles", "--output", path("own.json")});
+  ASSERT_EQ(study.exit_status, 0) << study.errors;
+  const auto json = nlohmann::json::parse(read_text(path("own.json")));
+  EXPECT_EQ(json["cases"][0]["name"], "own_1");
+  ASSERT_EQ(json["profiles"].size(), 1U);
+  EXPECT_EQ(json["profiles"][0]["axes"].size(), 6U);
+}
+
+TEST_F(Case, ATransformNeedsTargetsWhosePlaceInTheCtMayBeUnknown) {
+  const std::vector<std::string> truth{"--truth", path("phantom/truth.tfm")};
+  expect_refused(truth, {"--targets", "must be given with --truth"});
+  const Outcome outcome =
+      make("own_2", {truth[0], truth[1], "--targets", path("phantom/targets.csv")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_EQ(read_study_case(path("own_2")).targets_us_mm,
+            read_points_mm(path("phantom/targets.csv")));
+  EXPECT_FALSE(std::filesystem::exists(path("own_2/targets_ct.csv")));
+  expect_refused({truth[0], truth[1], "--targets", path("phantom/targets.csv"), "--targets-ct",
+                  path("ct.csv")},
+                 {"ct.csv", "points, must have as many as"});
+}
+
+TEST_F(Case, PointsOfOtherAxesAreRefused) {
+  // Far outside, as points with other signs of the axes are.
+  std::vector<Eigen::Vector3d> points = read_points_mm(path("ct.csv"));
+  for (Eigen::Vector3d& p : points) p += Eigen::Vector3d(-400.0, 0.0, 0.0);
+  write_points_mm(points, path("shifted.csv"));
+  expect_refused({"--landmarks", path("shifted.csv"), path("us.csv")},
+                 {"shifted.csv", "point 1 is (", "must lie in the CT (LPS"});
+  expect_refused({"--landmarks", path("ct.csv"), path("shifted.csv")},
+                 {"shifted.csv", "point 1 is (", "must lie in the ultrasound"});
+  expect_refused({}, {"--landmarks", "or --truth must be given"});
+}
+
+}  // namespace
+}  // namespace usct::test
