@@ -26,6 +26,12 @@ constexpr double kTornMm = 4.0;
 constexpr double kMostTornMm = 4.0;
 constexpr double kTornPerMm = 2.0;
 
+/// The local agreement at which parts of the field say nothing, and how fast the log odds rise with
+/// it. Chosen on right poses alone: the highest that would refuse none of them if their agreement
+/// was a tenth lower (docs/confidence.md).
+constexpr double kEvenAgreement = 0.32;
+constexpr double kPerAgreement = 40.0;
+
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
 constexpr double kMostChanceOdds = 4.0;
 constexpr double kMostPartsOdds = 3.0;
@@ -50,7 +56,8 @@ std::optional<RightProbability> right_probability(const Measures& m) {
   right.chance = logistic(
       std::min(kMostChanceOdds, -4.0 + 5.3 * log_within(*m.rival_ratio, 0.7, 3.0) +
                                     0.7 * std::clamp(*m.rival_advantage, -3.0, 6.0) - far));
-  right.parts = logistic(std::min(kMostPartsOdds, 30.0 * (*m.local_agreement - 0.34) - torn));
+  const double agreement = kPerAgreement * (*m.local_agreement - kEvenAgreement);
+  right.parts = logistic(std::min(kMostPartsOdds, agreement) - torn);
   return right;
 }
 

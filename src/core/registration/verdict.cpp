@@ -23,12 +23,14 @@ std::string mirrored_words(Mirror mirror) {
   return "";
 }
 
-/// Why a pose that is no better than mirrored ultrasound is not believed. A mirrored one that is
-/// clearly better names the fault.
+/// Whether mirrored ultrasound is clearly better, which names the fault.
+bool is_mirrored(const Measures& m) { return *m.mirror_ratio < 1.0 && *m.mirror_advantage < 0.0; }
+
+/// Why a pose that is no better than mirrored ultrasound is not believed.
 std::string mirror_words(const Assessment& assessment) {
   const Measures& m = assessment.measures;
   const std::string which = mirrored_words(*assessment.best_mirror);
-  if (*m.mirror_ratio < 1.0 && *m.mirror_advantage < 0.0)
+  if (is_mirrored(m))
     return "the ultrasound fits the CT better with " + which + " (" +
            number(1.0 / *m.mirror_ratio) +
            " times the similarity): check which way round the probe was held, the order of lines "
@@ -80,12 +82,13 @@ std::string acquisition_words(const Measures& m) {
   return words;
 }
 
-/// What was found, why it is not believed and what would help, by the weakest kind of evidence.
+/// What was found, why it is not believed and what would help: a mirrored acquisition, or else the
+/// weakest kind of evidence. Parts of the field do not agree about a mirrored pose either.
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
   if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";
   const double least = std::min({right->mirrors, right->chance, right->parts});
-  if (least == right->mirrors) return mirror_words(assessment);
+  if (least == right->mirrors || is_mirrored(assessment.measures)) return mirror_words(assessment);
   if (least == right->chance) return chance_words(assessment.measures);
   return parts_words(assessment.measures);
 }
