@@ -20,14 +20,14 @@ ln -sfn /usr/include/boost "$work/headers/boost"  # only headers of the system t
 
 export work cross
 compile() {
-  $cross-g++ -std=c++17 -O2 -fopenmp -Iinclude -Isrc/core -Itest -I/usr/include/eigen3 -I"$work/root/usr/include" \
+  $cross-g++ -std=c++17 -O2 -pthread -Iinclude -Isrc/core -Itest -I/usr/include/eigen3 -I"$work/root/usr/include" \
     -idirafter "$work/headers" -c "$1" -o "$work/objects/$(tr / _ <<< "$1").o"
 }
 export -f compile
 cd "$project"
-ls src/core/text.cpp src/core/{geometry,volume,ultrasound,simulation,similarity}/*.cpp test/core/similarity/*.cpp \
+ls src/core/{parallel,text}.cpp src/core/{geometry,volume,ultrasound,simulation,similarity}/*.cpp test/core/similarity/*.cpp \
   test/core/ultrasound/test_gaussian_sums.cpp test/core/volume/test_{operations,combine_rows}.cpp |
   xargs -P"$(nproc)" -I{} bash -c 'compile {}'
 libraries=$work/root/usr/lib/$cross
-$cross-g++ -fopenmp "$work"/objects/*.o -o "$work/tests" -L"$libraries" -lgtest_main -lgtest -lrapidcheck -lhwy
+$cross-g++ -pthread "$work"/objects/*.o -o "$work/tests" -L"$libraries" -lgtest_main -lgtest -lrapidcheck -lhwy
 QEMU_LD_PREFIX=/usr/$cross qemu-aarch64 -E LD_LIBRARY_PATH="$libraries" "$work/tests"
