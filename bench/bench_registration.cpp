@@ -56,7 +56,7 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
   const CtVolume ct = in_larger(phantom.ct, ct_size);
   const RegistrationOptions options = preset(preset_name);
   const BeamUltrasound us = along_beams(phantom.ultrasound);
-  omp_set_num_threads(static_cast<int>(state.range(0)));
+  const ThreadCount threads(static_cast<int>(state.range(0)));
   forget_peak_memory();
   std::map<std::string, double> seconds;
   double tre_mm = 0.0;

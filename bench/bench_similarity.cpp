@@ -73,7 +73,7 @@ void evaluate(benchmark::State& state, const char* metric, std::int64_t target, 
     state.SkipWithError("this processor lacks the instructions");
     return;
   }
-  omp_set_num_threads(1);
+  const ThreadCount threads(1);
   SimilarityImages images(std::make_shared<const BeamUltrasound>(
                               decimate(ultrasound(), Eigen::Vector3i::Constant(factor))),
                           pack_ct(ct(ct_mm), HuWindow{}, 40.0), nullptr, true,
@@ -94,28 +94,28 @@ void evaluate(benchmark::State& state, const char* metric, std::int64_t target, 
 }
 
 void cut(benchmark::State& state, int factor) {
-  omp_set_num_threads(static_cast<int>(state.range(0)));
+  const ThreadCount threads(static_cast<int>(state.range(0)));
   const BeamUltrasound us = decimate(ultrasound(), Eigen::Vector3i::Constant(factor));
   for (auto _ : state) benchmark::DoNotOptimize(cut_into_patches(us, {}).count);
   finish(state, static_cast<std::int64_t>(us.brightness.size()));
 }
 
 void decimation(benchmark::State& state, int factor) {
-  omp_set_num_threads(static_cast<int>(state.range(0)));
+  const ThreadCount threads(static_cast<int>(state.range(0)));
   const Eigen::Vector3i factors = Eigen::Vector3i::Constant(factor);
   for (auto _ : state) benchmark::DoNotOptimize(decimate(ultrasound(), factors).brightness.data());
   finish(state, static_cast<std::int64_t>(ultrasound().brightness.size()));
 }
 
 void conditioning(benchmark::State& state, int factor) {
-  omp_set_num_threads(static_cast<int>(state.range(0)));
+  const ThreadCount threads(static_cast<int>(state.range(0)));
   const BeamUltrasound us = decimate(ultrasound(), Eigen::Vector3i::Constant(factor));
   for (auto _ : state) benchmark::DoNotOptimize(condition(us, {}).samples.data());
   finish(state, static_cast<std::int64_t>(us.brightness.size()));
 }
 
 void packing(benchmark::State& state, double ct_mm) {
-  omp_set_num_threads(static_cast<int>(state.range(0)));
+  const ThreadCount threads(static_cast<int>(state.range(0)));
   const Volume<float> volume = ct(ct_mm);
   for (auto _ : state) benchmark::DoNotOptimize(PackedCt(volume, HuWindow{}, 40.0).pairs().data());
   finish(state, static_cast<std::int64_t>(volume.voxels.size()));

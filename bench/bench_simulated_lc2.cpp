@@ -64,7 +64,7 @@ void reference(benchmark::State& state, Interpolation interpolation) {
   const Case& c = thesis_case();
   SimulationOptions options;
   options.interpolation = interpolation;
-  omp_set_num_threads(1);
+  const ThreadCount threads(1);
   for (auto _ : state)
     benchmark::DoNotOptimize(
         fit_to_ultrasound(simulate_components(c.ultrasound.beams, c.ct, c.T_ct_us, options),
@@ -80,7 +80,7 @@ void fused(benchmark::State& state, std::int64_t target, const SimulationOptions
     state.SkipWithError("this processor lacks the instructions");
     return;
   }
-  omp_set_num_threads(1);
+  const ThreadCount threads(1);
   hwy::SetSupportedTargetsForTest(target);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   const auto similarity = make_simulated_lc2(c.ultrasound, {}, c.ct, options, {});

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <benchmark/benchmark.h>
-#include <omp.h>
 #include <sys/resource.h>
 
 #include <cstdint>
+
+#include "us_ct_registration/threads.h"
 
 namespace usct {
 
@@ -15,7 +16,7 @@ inline void finish(benchmark::State& state, std::int64_t items) {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   state.counters["peak_MiB"] = static_cast<double>(usage.ru_maxrss) / 1024.0;
-  state.counters["threads"] = omp_get_max_threads();
+  state.counters["threads"] = thread_count();
 }
 
 }  // namespace usct

@@ -31,7 +31,7 @@ function(usct_add_gtest name)
     ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src/core ${PROJECT_BINARY_DIR}/test_paths)
   target_include_directories(${name} SYSTEM PRIVATE
     ${ITK_INCLUDE_DIRS} ${GDCM_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
-  target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck OpenMP::OpenMP_CXX
+  target_link_libraries(${name} ${PROJECT_NAME}_core rapidcheck
     ${ITK_LIBRARIES} gdcmMSFF gdcmDSED gdcmCommon ${OpenCV_LIBS} ZLIB::ZLIB yaml-cpp nlohmann_json::nlohmann_json
     hwy::hwy usct_warnings)
   target_compile_options(${name} PRIVATE ${test_optimization})

@@ -40,7 +40,7 @@ def find_elastix():
 
 def timed(command, log, threads):
     """Exit status and seconds of the process: wall, and CPU of all its threads."""
-    environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
+    environment = dict(os.environ, OMP_NUM_THREADS=str(threads))  # of elastix; usct has --threads
     cpu = cpu_seconds_of_children()
     began = time.perf_counter()
     with open(log, "w") as file:

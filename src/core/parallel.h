@@ -1,90 +1,33 @@
 #pragma once
 
-#include <omp.h>
-
 #include <algorithm>
-#include <atomic>
 #include <cstddef>
-#include <exception>
-#include <mutex>
+#include <functional>
 #include <numeric>
 #include <vector>
 
 #include "us_ct_registration/progress.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct {
 
-/// The first exception of tasks that run in parallel. It is kept, and tasks that have not begun are
-/// skipped.
-class FirstFailure {
- public:
-  template <typename Body>
-  void guard(const Body& body) {
-    if (failed_.load(std::memory_order_relaxed)) return;
-    try {
-      body();
-    } catch (...) {
-      // A mutex, since an exception that leaves a critical section of OpenMP would terminate the
-      // program.
-      const std::lock_guard<std::mutex> lock(failing_);
-      if (!failed_.exchange(true)) failure_ = std::current_exception();
-    }
-  }
-  bool failed() const { return failed_; }
-  void rethrow() const {
-    if (failure_) std::rethrow_exception(failure_);
-  }
-
- private:
-  std::exception_ptr failure_;
-  std::atomic<bool> failed_{false};
-  std::mutex failing_;
-};
-
-/// Runs `body(i)` for i in [0, count) on the threads of OpenMP. The order is not fixed, so each
-/// body must write to memory of its own; the result then does not depend on the number of threads.
+/// Runs `body(i)` for i in [0, count) on at most `thread_count()` threads, the calling one among
+/// them. The order is not fixed, so each body must write to memory of its own; the result then does
+/// not depend on the number of threads. A loop within a body runs on the thread of that body.
+///
+/// The threads are those of oneTBB. They sleep while they wait, and the caller waits only for
+/// bodies that have begun: on a busy machine it does the work of threads that do not get a
+/// processor.
+///
 /// The first exception of a body (or of `progress`) ends the loop early and is thrown here.
-template <typename Body>
-void parallel_for(int count, const Body& body, const Progress& progress = {}) {
-  FirstFailure failure;
-  std::atomic<int> done{0};
-  double reported = 0.0;
-  std::mutex reporting;
-  const auto report = [&](int finished) {
-    const std::lock_guard<std::mutex> lock(reporting);
-    // Another thread may have reported a later state already, and progress must never decrease.
-    const double fraction = static_cast<double>(finished) / count;
-    if (failure.failed() || fraction <= reported) return;
-    reported = fraction;
-    progress(fraction);
-  };
-#pragma omp parallel for schedule(dynamic, 1)
-  for (int i = 0; i < count; ++i)
-    failure.guard([&] {
-      body(i);
-      const int finished = ++done;
-      if (progress) report(finished);
-    });
-  failure.rethrow();
-}
+void parallel_for(int count, const std::function<void(int)>& body, const Progress& progress = {});
 
-/// Like `parallel_for`, for bodies of equal work. Each thread runs a contiguous range, which is the
-/// same in each such loop with the same count, so that a thread finds in its cache what it wrote in
-/// the loop before.
-template <typename Body>
-void parallel_for_alike(int count, const Body& body) {
-  FirstFailure failure;
-#pragma omp parallel for schedule(static)
-  for (int i = 0; i < count; ++i) failure.guard([&] { body(i); });
-  failure.rethrow();
-}
-
-/// Runs `body(begin, end)` for ranges of at most `at_once` indices that make up [0, count),
-/// scheduled as in `parallel_for_alike`.
+/// Runs `body(begin, end)` for ranges of at most `at_once` indices that make up [0, count), as
+/// `parallel_for` does.
 template <typename Body>
 void parallel_ranges(std::size_t count, const Body& body,
                      std::size_t at_once = std::size_t{1} << 13) {
-  parallel_for_alike(static_cast<int>((count + at_once - 1) / at_once), [&](int part) {
+  parallel_for(static_cast<int>((count + at_once - 1) / at_once), [&](int part) {
     const std::size_t begin = static_cast<std::size_t>(part) * at_once;
     body(begin, std::min(count, begin + at_once));
   });

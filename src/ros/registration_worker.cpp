@@ -1,8 +1,7 @@
 #include "ros/registration_worker.h"
 
-#include <omp.h>
-
 #include "ros/guarded_queue.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct::ros_interface {
 
@@ -25,7 +24,7 @@ RegistrationQueue::Job RegistrationWorker::continuous_job() {
 }
 
 void RegistrationWorker::loop() {
-  if (work_.threads > 0) omp_set_num_threads(work_.threads);
+  const ThreadCount of_loops(work_.threads > 0 ? work_.threads : processor_count());
   while (const RegistrationQueue::Job job = queue_.next([this] { return continuous_job(); })) {
     const us_ct_registration::RegistrationResult result = work_.run(*job);
     // The place is freed before the answer is sent, because the caller may ask again at once.

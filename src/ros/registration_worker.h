@@ -15,7 +15,7 @@ namespace usct::ros_interface {
 class RegistrationWorker {
  public:
   struct Work {
-    /// Number of OpenMP threads; 0: OpenMP's default.
+    /// Number of threads of one registration; 0: one for each processor.
     int threads = 0;
     /// Returns the newest ultrasound. Each is registered once while no request waits; if the
     /// function is empty, only requests are registered.

@@ -1,5 +1,3 @@
-#include <omp.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -24,6 +22,7 @@
 #include "us_ct_registration/registration/confidence_text.h"
 #include "us_ct_registration/registration/rough_pose.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct::tools {
 namespace {
@@ -43,7 +42,7 @@ struct RegisterCommand {
   std::string preset;
   std::string options;
   std::optional<std::uint32_t> seed;
-  int threads = 0;
+  int threads = thread_count();
 
   std::string output;
   std::string transform;
@@ -117,15 +116,10 @@ void require_places(const RegisterCommand& command) {
     throw InputError("--transform", "is the file of --output, must be another");
 }
 
-void set_threads(const RegisterCommand& command) {
-  if (command.threads > 0) omp_set_num_threads(command.threads);
-}
-
-/// Reads the CT beside the ultrasound, if there is a second thread. That thread sets OpenMP's
-/// number of threads again, since each thread has its own.
+/// Reads the CT beside the ultrasound, if there is a second thread.
 std::future<CtVolume> start_reading_ct(const RegisterCommand& command) {
   return std::async(command.threads == 1 ? std::launch::deferred : std::launch::async, [&command] {
-    set_threads(command);
+    const ThreadCount threads(command.threads);  // each thread has its own
     return read_ct_with_warnings(command.ct, command.dicom,
                                  progress_bar("reading the CT", command.quiet));
   });
@@ -255,7 +249,7 @@ int run_register(const RegisterCommand& command) {
   const RegistrationOptions options = options_of(command);
   require_initial_pose(command);
   require_places(command);
-  set_threads(command);
+  const ThreadCount threads(command.threads);
   const Case c = read_case(command);
   RegistrationHooks hooks;
   hooks.progress = progress_bar("registration", command.quiet);

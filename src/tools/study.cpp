@@ -1,5 +1,3 @@
-#include <omp.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -14,6 +12,7 @@
 #include "us_ct_registration/evaluation/study_work.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct::tools {
 namespace {
@@ -45,7 +44,7 @@ struct StudyCommand {
   std::string root;
   std::string shard = "1/1";
 
-  int threads = omp_get_max_threads();
+  int threads = thread_count();
   std::string output;
   std::string pictures;
   bool profiles = false;
@@ -131,7 +130,7 @@ StudyExtras extras_of(const StudyCommand& command, const StudyPlan& plan, const 
   if (!command.pictures.empty())
     extras.pictures = write_study_pictures(plan.study, cases, runs, command.pictures);
   if (command.profiles) {
-    omp_set_num_threads(command.threads);
+    const ThreadCount of_loops(command.threads);
     extras.profiles = study_profiles(plan, cases);
   }
   return extras;

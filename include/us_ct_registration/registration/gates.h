@@ -50,7 +50,8 @@ struct Measures {
   std::optional<double> parts_mm;
   std::optional<double> ridge_parts_mm;
   /// Rise of the similarity that the pose reaches over the rise that clusters of patches reach by
-  /// translations of their own: 1 if all clusters agree with the pose, about 0 if none does.
+  /// translations of their own, less what chance makes up: near 1 if all clusters agree with the
+  /// pose, about 0 or less if none does.
   std::optional<double> local_agreement;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.

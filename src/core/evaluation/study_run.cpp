@@ -1,7 +1,5 @@
 #include "us_ct_registration/evaluation/study_run.h"
 
-#include <omp.h>
-
 #include <mutex>
 
 #include "evaluation/peak_memory.h"
@@ -54,29 +52,6 @@ StudyRun run_one(const CaseSource& cases, const RunOrder& order, bool alone) {
   return run;
 }
 
-/// Sets the number of OpenMP threads within a scope. Loops within a parallel loop run on one
-/// thread.
-class ThreadCount {
- public:
-  explicit ThreadCount(int threads)
-      : threads_(omp_get_max_threads()), levels_(omp_get_max_active_levels()) {
-    if (threads < 1)
-      throw InputError("threads", "is " + std::to_string(threads) + ", must be >= 1");
-    omp_set_num_threads(threads);
-    omp_set_max_active_levels(1);
-  }
-  ~ThreadCount() {
-    omp_set_num_threads(threads_);
-    omp_set_max_active_levels(levels_);
-  }
-  ThreadCount(const ThreadCount&) = delete;
-  ThreadCount& operator=(const ThreadCount&) = delete;
-
- private:
-  int threads_;
-  int levels_;
-};
-
 }  // namespace
 
 double StudyRun::seconds() const {
@@ -89,7 +64,7 @@ double StudyRun::seconds() const {
 
 void run_trials(const CaseSource& cases, const std::vector<RunOrder>& orders, StudyThreads how,
                 int threads, const std::function<void(std::size_t, StudyRun&&)>& done) {
-  const ThreadCount thread_count(threads);
+  const ThreadCount in_all(threads);
   if (how == StudyThreads::kWithinTrial) {
     for (std::size_t i = 0; i < orders.size(); ++i) done(i, run_one(cases, orders[i], true));
     return;

@@ -53,8 +53,8 @@ std::string evidence_text(const Measures& m) {
              "check that the CT is of this patient and that the kidney is in view, and give an "
              "initial pose that is closer") +
          line("agreement of parts", right->parts,
-              formatted("the pose reaches %.2f of the similarity that small blocks of the field of "
-                        "view could gain each by itself; halves of the field, registered alone, "
+              formatted("small blocks of the field of view agree with the pose by %.2f, where 1 is "
+                        "full agreement and 0 is chance; halves of the field, registered alone, "
                         "move the pose by %.1f mm",
                         *m.local_agreement, *m.parts_mm),
               "check that the CT is of this patient, the geometry of the probe and the tracking, "

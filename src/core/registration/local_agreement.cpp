@@ -52,7 +52,7 @@ std::optional<double> local_agreement(const Similarity& similarity,
     reachable += most - mean;
   }
   if (!(reachable > 0.0)) return std::nullopt;
-  return reached / reachable;
+  return reached / reachable - 1.0 / std::sqrt(static_cast<double>(clusters.count()));
 }
 
 }  // namespace usct::registration

@@ -29,8 +29,8 @@ constexpr double kTornPerMm = 2.0;
 /// The local agreement at which parts of the field say nothing, and how fast the log odds rise with
 /// it. Chosen on right poses alone: the highest that would refuse none of them if their agreement
 /// was a tenth lower (docs/confidence.md).
-constexpr double kEvenAgreement = 0.32;
-constexpr double kPerAgreement = 40.0;
+constexpr double kEvenAgreement = 0.25;
+constexpr double kPerAgreement = 60.0;
 
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
 constexpr double kMostChanceOdds = 4.0;

@@ -64,7 +64,7 @@ class Run {
   };
 
   const RegistrationHooks& hooks_;
-  mutable std::mutex asking_;  // a critical section of OpenMP would not let the exception through
+  mutable std::mutex asking_;
   std::atomic<int> evaluations_{0};
   std::map<std::string, double> seconds_;
 };

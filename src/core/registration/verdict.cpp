@@ -52,10 +52,11 @@ std::string chance_words(const Measures& m) {
 }
 
 std::string parts_words(const Measures& m) {
-  return "parts of the ultrasound would rather lie elsewhere (the pose reaches " +
+  return "parts of the ultrasound would rather lie elsewhere (small blocks of the field agree with "
+         "the pose by " +
          number(*m.local_agreement) +
-         " of the similarity that small blocks of the field could gain each by itself; halves of "
-         "the field move it by " +
+         ", where 1 is full agreement and 0 is chance; halves of the "
+         "field move it by " +
          number(*m.parts_mm) +
          " mm): the CT may be of another patient, or the anatomy may be deformed or may have moved "
          "during the sweep; check whose CT it is, probe geometry and tracking, and acquire again "

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
+#include <vector>
 
+#include "parallel.h"
 #include "rendering/iso_mesh.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/volume/operations.h"
@@ -40,22 +43,25 @@ template <typename T>
 double area_of_faces_mm2(const Field<T>& field) {
   const Eigen::Vector3i begin = field.region.begin;
   const Eigen::Vector3i end = begin + field.region.size;
-  std::size_t across_i = 0;
-  std::size_t across_j = 0;
-  std::size_t across_k = 0;
-#pragma omp parallel for schedule(static) reduction(+ : across_i, across_j, across_k)
-  for (int k = begin.z(); k < end.z(); ++k)
+  // Counts of each slice, so that threads share nothing.
+  std::vector<Eigen::Array3d> across(static_cast<std::size_t>(field.region.size.z()));
+  parallel_for(field.region.size.z(), [&](int slice) {
+    const int k = begin.z() + slice;
+    Eigen::Array<std::size_t, 3, 1> faces(0, 0, 0);
     for (int j = begin.y(); j < end.y(); ++j)
       for (int i = begin.x(); i < end.x(); ++i) {
         const bool inside = field.is_inside(i, j, k);
-        across_i += i + 1 < end.x() && inside != field.is_inside(i + 1, j, k);
-        across_j += j + 1 < end.y() && inside != field.is_inside(i, j + 1, k);
-        across_k += k + 1 < end.z() && inside != field.is_inside(i, j, k + 1);
+        faces[0] += i + 1 < end.x() && inside != field.is_inside(i + 1, j, k);
+        faces[1] += j + 1 < end.y() && inside != field.is_inside(i, j + 1, k);
+        faces[2] += k + 1 < end.z() && inside != field.is_inside(i, j, k + 1);
       }
+    across[static_cast<std::size_t>(slice)] = faces.cast<double>();
+  });
+  const Eigen::Array3d faces =
+      std::accumulate(across.begin(), across.end(), Eigen::Array3d(Eigen::Array3d::Zero()));
   const Eigen::Vector3d& spacing = field.volume.grid.spacing_mm;
-  return static_cast<double>(across_i) * spacing.y() * spacing.z() +
-         static_cast<double>(across_j) * spacing.x() * spacing.z() +
-         static_cast<double>(across_k) * spacing.x() * spacing.y();
+  return faces[0] * spacing.y() * spacing.z() + faces[1] * spacing.x() * spacing.z() +
+         faces[2] * spacing.x() * spacing.y();
 }
 
 /// The region of a field, coarser by `factors`, with a border of at least one sample `outside`.
@@ -71,14 +77,14 @@ Volume<float> sampled(const Field<T>& field, const Eigen::Vector3i& factors) {
   padded.origin_mm = grid.physical_from_index(begin.cast<double>());
   Volume<float> fine(padded, field.outside);
   const Eigen::Vector3i size = field.region.size;
-#pragma omp parallel for schedule(static)
-  for (int k = 0; k < size.z(); ++k)
+  parallel_for(size.z(), [&](int k) {
     for (int j = 0; j < size.y(); ++j)
       for (int i = 0; i < size.x(); ++i) {
         const Eigen::Vector3i from = field.region.begin + Eigen::Vector3i(i, j, k);
         const Eigen::Vector3i to = from - begin;
         fine.at(to.x(), to.y(), to.z()) = field.at(from.x(), from.y(), from.z());
       }
+  });
   if (factors == Eigen::Vector3i::Ones()) return fine;
   return shrink(fine, factors, whole(padded));
 }

@@ -76,7 +76,7 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
   const auto samples = static_cast<std::size_t>(out.beams.samples());
   out.brightness.resize(out.beams.beams.size() * samples);
   out.known.resize(out.brightness.size());
-  parallel_for_alike(out.beams.frames, [&](int f) {
+  parallel_for(out.beams.frames, [&](int f) {
     for (int l = 0; l < out.beams.lines; ++l) {
       std::vector<float> sum(samples);
       std::vector<int> count(samples);

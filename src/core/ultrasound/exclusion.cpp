@@ -70,7 +70,7 @@ class Exclusion {
   template <typename Body>
   void for_beams(const Body& body) const {
     const int lines = us_.beams.lines;
-    parallel_for_alike(us_.beams.frames, [&](int frame) {
+    parallel_for(us_.beams.frames, [&](int frame) {
       for (int beam = frame * lines; beam < (frame + 1) * lines; ++beam) body(beam);
     });
   }
@@ -99,7 +99,7 @@ class Exclusion {
   std::vector<double> usual_grey() const {
     constexpr int kAtOnce = 16;  // samples per task: about a cache line of each beam
     std::vector<double> result(static_cast<std::size_t>(samples_));
-    parallel_for_alike((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
+    parallel_for((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
       const int first = part * kAtOnce;
       const int last = std::min(samples_, first + kAtOnce);
       std::array<std::vector<float>, kAtOnce> values;

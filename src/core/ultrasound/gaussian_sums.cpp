@@ -100,7 +100,7 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
   const auto samples = static_cast<std::size_t>(samples_.blocks());
   std::vector<float> position_mm(samples * count);  // rows fastest
   std::vector<float> factor(samples);               // exponent per squared distance
-  parallel_for_alike(samples_.blocks(), [&](int sample_block) {
+  parallel_for(samples_.blocks(), [&](int sample_block) {
     const auto s = static_cast<std::size_t>(sample_block);
     const double sample = samples_.middle(sample_block);
     const std::vector<double> path =
@@ -127,7 +127,7 @@ GaussianSums::Taps GaussianSums::taps_across(const Blocks& rows, const PointAt& 
     return any;
   };
   Taps taps(count);
-  parallel_for_alike(static_cast<int>(count), [&](int row) {
+  parallel_for(static_cast<int>(count), [&](int row) {
     const auto to = static_cast<std::size_t>(row);
     // Distances grow with the number of rows in between, so the search ends at the first row whose
     // weights are all zero.
@@ -161,7 +161,7 @@ std::vector<float> GaussianSums::block_sums(const std::vector<float>& values) co
   std::vector<std::size_t> block_of(row_size);
   for (std::size_t s = 0; s < row_size; ++s)
     block_of[s] = static_cast<std::size_t>(samples_.block_of(static_cast<int>(s)));
-  parallel_for_alike(frames_.blocks(), [&](int frame_block) {
+  parallel_for(frames_.blocks(), [&](int frame_block) {
     std::vector<float> row(row_size);
     for (int frame = 0; frame < frames_.count; ++frame) {
       if (frames_.block_of(frame) != frame_block) continue;
@@ -187,7 +187,7 @@ void GaussianSums::sum_within_frames(std::vector<float>& values) const {
   const std::size_t reach = kernel_.size() / 2;
   std::vector<std::vector<float>> weights;
   for (const float weight : kernel_) weights.emplace_back(row, weight);
-  parallel_for_alike(frames_.blocks(), [&](int frame) {
+  parallel_for(frames_.blocks(), [&](int frame) {
     const std::size_t start = static_cast<std::size_t>(frame) * frame_size;
     std::vector<float> along(frame_size);
     std::vector<float> padded(row + 2 * reach);
@@ -211,7 +211,7 @@ void GaussianSums::sum_within_frames(std::vector<float>& values) const {
 void GaussianSums::sum_across_frames(std::vector<float>& values) const {
   const auto row = static_cast<std::size_t>(samples_.blocks());
   const std::size_t frame_size = row * static_cast<std::size_t>(lines_.blocks());
-  parallel_for_alike(lines_.blocks(), [&](int line) {
+  parallel_for(lines_.blocks(), [&](int line) {
     float* const start = values.data() + static_cast<std::size_t>(line) * row;
     std::vector<float> sums(frame_taps_.size() * row);
     std::vector<WeightedRow> rows;
@@ -235,7 +235,7 @@ void GaussianSums::interpolate(const std::vector<float>& sums, std::vector<float
   std::vector<float> share(row_size);
   for (std::size_t s = 0; s < row_size; ++s)
     samples_.between(static_cast<int>(s), block[s], share[s]);
-  parallel_for_alike(frames_.count, [&](int frame) {
+  parallel_for(frames_.count, [&](int frame) {
     int frame_block = 0;
     float frame_share = 0.0F;
     frames_.between(frame, frame_block, frame_share);

@@ -1,7 +1,6 @@
 // The reader must answer every damaged DICOM file with an error that names it, never with a crash
 // or with invented pixels.
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -14,6 +13,7 @@
 #include "core/io/temporary_folder.h"
 #include "core/io/without_permission.h"
 #include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct {
 namespace {
@@ -30,7 +30,6 @@ using test::write_text;
 class DicomBadInput : public testing::Test {
  protected:
   void SetUp() override {
-    omp_set_num_threads(1);  // thousands of tiny files: threads would only wait for each other
     Grid grid = test::example_grids()[0].grid;
     grid.size = {16, 12, 3};
     slices_ = test::slices_of(grid);
@@ -41,7 +40,6 @@ class DicomBadInput : public testing::Test {
     for (std::size_t i = 0; i < slices_.size(); ++i)
       test::write_dicom(folder_.path() / ("slice_" + std::to_string(i) + ".dcm"), slices_[i]);
   }
-  void TearDown() override { omp_set_num_threads(threads_); }
 
   fs::path spoilt() const { return folder_.path() / "slice_1.dcm"; }
   void expect_refused(std::vector<std::string> named) {
@@ -51,7 +49,7 @@ class DicomBadInput : public testing::Test {
 
   const TemporaryFolder folder_;
   std::vector<DicomSlice> slices_;
-  const int threads_ = omp_get_max_threads();
+  const ThreadCount one_thread_{1};  // thousands of tiny files are too little work for more
 };
 
 TEST_F(DicomBadInput, NamesTheAttributeTheValueAndTheConstraint) {

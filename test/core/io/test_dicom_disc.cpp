@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <fstream>
 
@@ -9,6 +8,7 @@
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
+#include "with_threads.h"
 
 namespace usct {
 namespace {
@@ -139,13 +139,10 @@ TEST_F(DicomDisc, LocalizersReportsAndCapturesAreNoSlices) {
 
 TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {
   std::vector<double> fractions;
-  const int before = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const CtVolume one =
-      read_dicom_ct(folder_.path(), {}, [&](double f) { fractions.push_back(f); }).volume;
-  omp_set_num_threads(4);
-  const CtVolume four = read_dicom_ct(folder_.path()).volume;
-  omp_set_num_threads(before);
+  const CtVolume one = test::with_threads(1, [&] {
+    return read_dicom_ct(folder_.path(), {}, [&](double f) { fractions.push_back(f); }).volume;
+  });
+  const CtVolume four = test::with_threads(4, [&] { return read_dicom_ct(folder_.path()).volume; });
   EXPECT_EQ(one.voxels, four.voxels);
   EXPECT_TRUE(same_grid(one.grid, four.grid));
   EXPECT_EQ(fractions, (std::vector<double>{0.25, 0.5, 0.75, 1.0}));

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <functional>
@@ -11,6 +10,7 @@
 #include "phantom/scenes.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/phantom/phantom.h"
+#include "us_ct_registration/threads.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct::phantom::test {
@@ -35,11 +35,8 @@ PhantomOptions small_case(SceneKind scene, std::uint64_t seed) {
 }
 
 PhantomCase make_with_threads(const PhantomOptions& options, int threads) {
-  const int before = omp_get_max_threads();
-  omp_set_num_threads(threads);
-  PhantomCase phantom = make_phantom(options);
-  omp_set_num_threads(before);
-  return phantom;
+  const ThreadCount scope(threads);
+  return make_phantom(options);
 }
 
 class EveryScene : public testing::TestWithParam<SceneKind> {};

@@ -57,19 +57,22 @@ std::optional<double> agreement(const Similarity& similarity,
   return local_agreement(similarity, T_us_ct, kClusterMm, kStepMm, run);
 }
 
+/// The share that chance makes up among so many clusters.
+double by_chance(int clusters) { return 1.0 / std::sqrt(clusters); }
+
 Isometry3d shift(const Vector3d& shift_mm) { return Isometry3d(Eigen::Translation3d(shift_mm)); }
 
 RC_GTEST_PROP(LocalAgreement, IsWholeIfAllClustersWishThePose, ()) {
   const Vector3d pose_mm = random_pose(20.0).translation();
   const Wishes wishes(std::vector<Vector3d>(5, pose_mm));
-  RC_ASSERT(std::abs(agreement(wishes, shift(pose_mm)).value() - 1.0) < 1e-9);
+  RC_ASSERT(std::abs(agreement(wishes, shift(pose_mm)).value() - (1.0 - by_chance(5))) < 1e-9);
 }
 
 /// At a distance of sqrt(3) steps a cluster that wishes a corner is about as well off as on
 /// average.
 TEST(LocalAgreement, FallsWithTheShareOfClustersThatWishToLieElsewhere) {
   const Vector3d corner_mm(kStepMm, kStepMm, -kStepMm);
-  double before = 1.0 + 1e-9;
+  double before = 1.0;
   for (std::size_t others = 0; others <= 4; ++others) {
     std::vector<Vector3d> wished(4, Vector3d::Zero());
     std::fill_n(wished.begin(), others, corner_mm);
@@ -77,19 +80,19 @@ TEST(LocalAgreement, FallsWithTheShareOfClustersThatWishToLieElsewhere) {
     EXPECT_LT(now, before);
     before = now;
   }
-  EXPECT_LT(before, 0.05);
+  EXPECT_LT(before + by_chance(4), 0.05);
 }
 
 /// By hand: a cluster wishes (4, 0, 0). Its contributions are exp(-d) for 27 distances d (in steps)
 /// on a lattice of which it wishes the middle of a face.
-TEST(LocalAgreement, IsTheRiseReachedOverTheRiseInReach) {
+TEST(LocalAgreement, IsTheShareOfTheRiseInReachLessWhatChanceMakesUp) {
   double sum = 0.0;
   for (const int x : {0, 1, 2})
     for (const int y : {-1, 0, 1})
       for (const int z : {-1, 0, 1}) sum += std::exp(-std::sqrt(x * x + y * y + z * z));
   const double mean = sum / 27.0;
   EXPECT_NEAR(agreement(Wishes({{kStepMm, 0.0, 0.0}})).value(),
-              (std::exp(-1.0) - mean) / (1.0 - mean), 1e-9);
+              (std::exp(-1.0) - mean) / (1.0 - mean) - by_chance(1), 1e-9);
 }
 
 RC_GTEST_PROP(LocalAgreement, DoesNotDependOnTheScaleOfTheSimilarity, ()) {

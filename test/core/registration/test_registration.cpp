@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <atomic>
 #include <cmath>
@@ -7,6 +6,7 @@
 #include <random>
 
 #include "core/registration/registration_cases.h"
+#include "us_ct_registration/threads.h"
 
 namespace usct::test {
 namespace {
@@ -117,15 +117,6 @@ TEST(Registration, FrameOfUltrasoundDoesNotMatter) {
       0.5);
 }
 
-class Threads {
- public:
-  explicit Threads(int count) : before_(omp_get_max_threads()) { omp_set_num_threads(count); }
-  ~Threads() { omp_set_num_threads(before_); }
-
- private:
-  int before_;
-};
-
 void expect_same_bits(const RegistrationResult& a, const RegistrationResult& b) {
   EXPECT_EQ(a.status, b.status);
   EXPECT_EQ(a.message, b.message);
@@ -161,7 +152,7 @@ TEST(Registration, SameBitsWithAnyNumberOfThreads) {
     ASSERT_TRUE(first.T_us_ct) << first.message;
     for (const int count : {1, 2, 3}) {
       SCOPED_TRACE(std::string(method_name(method)) + " with " + std::to_string(count));
-      const Threads threads(count);
+      const ThreadCount threads(count);
       expect_same_bits(registered(agar_case(), initial, options), first);
     }
   }
@@ -181,7 +172,7 @@ TEST(Registration, SeedMattersToCmaEsOnly) {
 }
 
 TEST(Registration, ProgressRisesFromZeroToOne) {
-  const Threads threads(3);
+  const ThreadCount threads(3);
   std::vector<double> reported;
   std::atomic<int> inside{0};
   RegistrationHooks hooks;
@@ -200,7 +191,7 @@ TEST(Registration, ProgressRisesFromZeroToOne) {
 }
 
 TEST(Registration, AsksForCancellationFromOneThreadAtATime) {
-  const Threads threads(3);
+  const ThreadCount threads(3);
   std::atomic<int> inside{0};
   int asked = 0;
   RegistrationHooks hooks;
@@ -218,7 +209,7 @@ TEST(Registration, AsksForCancellationFromOneThreadAtATime) {
 
 TEST(Registration, CancelsAtOnce) {
   constexpr int kThreads = 3;
-  const Threads threads(kThreads);
+  const ThreadCount threads(kThreads);
   for (const int allowed : {0, 1, 5, 40, 300}) {
     int asked = 0;
     RegistrationHooks hooks;

@@ -69,7 +69,7 @@ Measures middling() {
   measures.mirror_advantage = 1.0;
   measures.rival_advantage = 3.0;
   measures.parts_mm = 5.0;
-  measures.local_agreement = 0.33;
+  measures.local_agreement = 0.26;
   return measures;
 }
 

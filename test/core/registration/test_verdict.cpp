@@ -102,7 +102,7 @@ TEST(Verdict, ARivalIsToldFromChance) {
 
 TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
   expect_named(torn(),
-               {"parts of the ultrasound", "reaches 0.12", "move it by 7 mm", "another patient"});
+               {"parts of the ultrasound", "by 0.12", "move it by 7 mm", "another patient"});
 }
 
 TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck/gtest.h>
 
 #include <limits>
@@ -8,6 +7,7 @@
 
 #include "core/similarity/patch_scenes.h"
 #include "us_ct_registration/error.h"
+#include "with_threads.h"
 
 namespace usct::test {
 namespace {
@@ -295,12 +295,9 @@ TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
 
 TEST(UltrasoundPatches, AreTheSameBitsForAnyNumberOfThreads) {
   const BeamUltrasound us = noisy_ultrasound(beam_grid(swinging(1.0, 1.0)));
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const UltrasoundPatches one = cut_into_patches(us, cubes(8.0));
-  omp_set_num_threads(3);
-  const UltrasoundPatches three = cut_into_patches(us, cubes(8.0));
-  omp_set_num_threads(threads);
+  const auto cut = [&] { return cut_into_patches(us, cubes(8.0)); };
+  const UltrasoundPatches one = with_threads(1, cut);
+  const UltrasoundPatches three = with_threads(3, cut);
   EXPECT_EQ(one.x_mm, three.x_mm);
   EXPECT_EQ(one.value, three.value);
   EXPECT_EQ(one.sweep_y, three.sweep_y);
@@ -340,12 +337,9 @@ TEST(UltrasoundPatches, AreJudgedWithTheSameBitsForAnyNumberOfThreads) {
       similarity_of(noisy_ultrasound(downward_beams(77, 64, 40)),
                     wavy_ct(oblique_grid({60, 60, 60}, {1.3, 1.3, 1.3})), options);
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const SimilarityValue one = value_at(*similarity, pose);
-  omp_set_num_threads(3);
-  const SimilarityValue three = value_at(*similarity, pose);
-  omp_set_num_threads(threads);
+  const auto value = [&] { return value_at(*similarity, pose); };
+  const SimilarityValue one = with_threads(1, value);
+  const SimilarityValue three = with_threads(3, value);
   EXPECT_GT(one.overlap, 0.1);
   EXPECT_EQ(one.value, three.value);
   EXPECT_EQ(one.overlap, three.overlap);

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck/gtest.h>
 
 #include "core/geometry/random_geometry.h"
@@ -7,6 +6,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
 #include "us_ct_registration/simulation/simulation.h"
+#include "with_threads.h"
 
 namespace usct::test {
 namespace {
@@ -272,14 +272,12 @@ TEST(Simulation, SameBitsForAnyNumberOfThreads) {
     return 300.0 * std::sin(0.4 * p.x()) * std::cos(0.3 * p.y() + 0.2 * p.z());
   });
   const BeamGrid beams = downward_beams(40, 20, 15);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const SimulatedComponents one = simulate(ct, beams);
-  const SimulatedUltrasound fit_one = fit_to_ultrasound(one, one.ct_hu, {}, {});
-  omp_set_num_threads(3);
-  const SimulatedComponents three = simulate(ct, beams);
-  const SimulatedUltrasound fit_three = fit_to_ultrasound(three, three.ct_hu, {}, {});
-  omp_set_num_threads(threads);
+  const auto simulated = [&] { return simulate(ct, beams); };
+  const SimulatedComponents one = with_threads(1, simulated);
+  const SimulatedComponents three = with_threads(3, simulated);
+  const auto fit = [&] { return fit_to_ultrasound(one, one.ct_hu, {}, {}); };
+  const SimulatedUltrasound fit_one = with_threads(1, fit);
+  const SimulatedUltrasound fit_three = with_threads(3, fit);
   EXPECT_EQ(one.reflection, three.reflection);
   EXPECT_EQ(one.intensity, three.intensity);
   EXPECT_EQ(fit_one.brightness, fit_three.brightness);

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck/gtest.h>
 
 #include <functional>
@@ -8,6 +7,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/compounding.h"
+#include "with_threads.h"
 
 namespace usct {
 namespace {
@@ -296,12 +296,9 @@ TEST(Compound, IsTheSameForAnyNumberOfThreads) {
   CompoundOptions options;
   options.hole_fill_radius_mm = 2.0;
   const Grid grid = image_grid(images, 1.0);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const ScanConverted one = compound(images, grid, options);
-  omp_set_num_threads(4);
-  const ScanConverted four = compound(images, grid, options);
-  omp_set_num_threads(threads);
+  const auto compounded = [&] { return compound(images, grid, options); };
+  const ScanConverted one = test::with_threads(1, compounded);
+  const ScanConverted four = test::with_threads(4, compounded);
   EXPECT_EQ(one.volume.voxels, four.volume.voxels);
   EXPECT_EQ(one.mask.voxels, four.mask.voxels);
 }

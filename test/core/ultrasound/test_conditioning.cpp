@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <array>
@@ -9,6 +8,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/phantom/phantom.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
+#include "with_threads.h"
 
 namespace usct::test {
 namespace {
@@ -246,12 +246,9 @@ TEST(Conditioning, ACartesianVolumeIsReadAlongItsBeams) {
 
 TEST(Conditioning, SameBitsForAnyNumberOfThreads) {
   const BeamUltrasound us = speckle(convex_beams());
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const ConditionedUltrasound one = condition(us, {});
-  omp_set_num_threads(3);
-  const ConditionedUltrasound three = condition(us, {});
-  omp_set_num_threads(threads);
+  const auto conditioned = [&] { return condition(us, {}); };
+  const ConditionedUltrasound one = with_threads(1, conditioned);
+  const ConditionedUltrasound three = with_threads(3, conditioned);
   EXPECT_EQ(one.samples, three.samples);
   EXPECT_EQ(one.reasons, three.reasons);
 }

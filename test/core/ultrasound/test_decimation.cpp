@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck/gtest.h>
 
 #include <limits>
@@ -9,6 +8,7 @@
 #include "core/ultrasound/sample_index.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/decimation.h"
+#include "with_threads.h"
 
 namespace usct::test {
 namespace {
@@ -91,12 +91,9 @@ TEST(Decimation, SameBitsForAnyNumberOfThreads) {
   BeamUltrasound us{downward_beams(40, 12, 30), {}, {}};
   for (int i = 0; i < 40 * 12 * 30; ++i)
     us.brightness.push_back(0.1F * static_cast<float>((i * 7919) % 251));
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const BeamUltrasound one = decimate(us, {3, 2, 4});
-  omp_set_num_threads(3);
-  const BeamUltrasound three = decimate(us, {3, 2, 4});
-  omp_set_num_threads(threads);
+  const auto coarse = [&] { return decimate(us, {3, 2, 4}); };
+  const BeamUltrasound one = with_threads(1, coarse);
+  const BeamUltrasound three = with_threads(3, coarse);
   EXPECT_EQ(one.brightness, three.brightness);
 }
 

@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck/gtest.h>
 
 #include "core/geometry/random_geometry.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
+#include "with_threads.h"
 
 namespace usct {
 namespace {
@@ -190,14 +190,13 @@ TEST(ScanConvert, IsTheSameForAnyNumberOfThreadsAndReportsProgress) {
   const ScanGeometry geometry = uneven_probe();
   const PreScanVolume prescan = record_pattern(geometry);
   const Grid grid = fan_grid(geometry, 2.0);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const ScanConverted one = scan_convert(prescan, grid, Interpolation::kTrilinear);
-  omp_set_num_threads(4);
   double last = 0.0;
-  const ScanConverted four = scan_convert(prescan, grid, Interpolation::kTrilinear,
-                                          [&](double fraction) { last = fraction; });
-  omp_set_num_threads(threads);
+  const auto converted = [&] {
+    return scan_convert(prescan, grid, Interpolation::kTrilinear,
+                        [&](double fraction) { last = fraction; });
+  };
+  const ScanConverted one = test::with_threads(1, converted);
+  const ScanConverted four = test::with_threads(4, converted);
   EXPECT_EQ(one.volume.voxels, four.volume.voxels);
   EXPECT_EQ(one.mask.voxels, four.mask.voxels);
   EXPECT_EQ(last, 1.0);

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
@@ -8,6 +7,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
+#include "with_threads.h"
 
 namespace usct {
 namespace {
@@ -267,16 +267,10 @@ TEST(Operations, GiveTheSameBitsWithAnyNumberOfThreads) {
   const Volume<float> volume = volume_of(grid, [](const Eigen::Vector3d& p) {
     return std::sin(p.x()) * std::cos(2 * p.y()) + 0.1 * p.z();
   });
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const auto smooth_1 = smooth_gaussian(volume, {1.3, 2.1, 0.8}, whole(grid));
-  const auto small_1 = shrink(volume, {3, 2, 2}, whole(grid));
-  omp_set_num_threads(4);
-  const auto smooth_4 = smooth_gaussian(volume, {1.3, 2.1, 0.8}, whole(grid));
-  const auto small_4 = shrink(volume, {3, 2, 2}, whole(grid));
-  omp_set_num_threads(threads);
-  EXPECT_EQ(smooth_1.voxels, smooth_4.voxels);
-  EXPECT_EQ(small_1.voxels, small_4.voxels);
+  const auto smooth = [&] { return smooth_gaussian(volume, {1.3, 2.1, 0.8}, whole(grid)); };
+  const auto small = [&] { return shrink(volume, {3, 2, 2}, whole(grid)); };
+  EXPECT_EQ(test::with_threads(1, smooth).voxels, test::with_threads(4, smooth).voxels);
+  EXPECT_EQ(test::with_threads(1, small).voxels, test::with_threads(4, small).voxels);
 }
 
 RC_GTEST_PROP(ReorientToAxes, MovesNoVoxelInSpace, ()) {

@@ -4,6 +4,7 @@
 
 #include "core/io/temporary_folder.h"
 #include "trial.h"
+#include "us_ct_registration/threads.h"
 
 /// Reads mutated files with every reader of files from outside. Exit status 1 if anything went
 /// wrong. The table goes to standard output as Markdown, what went wrong to standard error.
@@ -65,5 +66,6 @@ int main(int argc, char** argv) {
   app.add_option("--keep", options.keep, "folder that gets the files that went wrong")
       ->check(CLI::ExistingDirectory);
   CLI11_PARSE(app, argc, argv);
+  const usct::ThreadCount threads(1);  // files are too small to share
   return usct::fuzz::run(options, only);
 }

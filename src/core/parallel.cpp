@@ -1,0 +1,83 @@
+#include "parallel.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <atomic>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "us_ct_registration/error.h"
+
+namespace usct {
+namespace {
+
+thread_local int threads_of_loops = 0;  // 0: one for each processor
+thread_local bool is_in_body = false;
+
+/// While it lives, loops of its thread run on that thread alone.
+class InBody {
+ public:
+  InBody() : before_(std::exchange(is_in_body, true)) {}
+  ~InBody() { is_in_body = before_; }
+  InBody(const InBody&) = delete;
+  InBody& operator=(const InBody&) = delete;
+
+ private:
+  bool before_;
+};
+
+void run_loop(int count, const std::function<void(int)>& body) {
+  const int threads = is_in_body ? 1 : std::min({count, thread_count(), processor_count()});
+  if (threads <= 1) {
+    const InBody scope;
+    for (int i = 0; i < count; ++i) body(i);
+    return;
+  }
+  const auto share = [&] {
+    tbb::parallel_for(
+        0, count,
+        [&](int i) {
+          const InBody scope;
+          body(i);
+        },
+        tbb::simple_partitioner());
+  };
+  // The calling thread's own arena has a place for each processor; another number needs another.
+  if (threads_of_loops == 0)
+    share();
+  else
+    tbb::task_arena(threads).execute(share);
+}
+
+}  // namespace
+
+int processor_count() { return tbb::info::default_concurrency(); }
+
+int thread_count() { return threads_of_loops > 0 ? threads_of_loops : processor_count(); }
+
+ThreadCount::ThreadCount(int threads) : before_(threads_of_loops) {
+  if (threads < 1) throw InputError("threads", "is " + std::to_string(threads) + ", must be >= 1");
+  threads_of_loops = threads;
+}
+
+ThreadCount::~ThreadCount() { threads_of_loops = before_; }
+
+void parallel_for(int count, const std::function<void(int)>& body, const Progress& progress) {
+  if (!progress) return run_loop(count, body);
+  std::atomic<int> done{0};
+  double reported = 0.0;
+  std::mutex reporting;
+  run_loop(count, [&](int i) {
+    body(i);
+    const double fraction = static_cast<double>(++done) / count;
+    const std::lock_guard<std::mutex> lock(reporting);
+    // Another thread may have reported a later state already, and progress must never decrease.
+    if (fraction <= reported) return;
+    reported = fraction;
+    progress(fraction);
+  });
+}
+
+}  // namespace usct
