@@ -44,8 +44,9 @@ void run_loop(int count, const std::function<void(int)>& body) {
         },
         tbb::simple_partitioner());
   };
-  // The calling thread's own arena has a place for each processor; another number needs another.
-  if (threads_of_loops == 0)
+  // The calling thread's own arena has a place for each processor; fewer need an arena of their
+  // own, which takes some time to make.
+  if (thread_count() >= processor_count())
     share();
   else
     tbb::task_arena(threads).execute(share);
@@ -53,7 +54,10 @@ void run_loop(int count, const std::function<void(int)>& body) {
 
 }  // namespace
 
-int processor_count() { return tbb::info::default_concurrency(); }
+int processor_count() {
+  static const int count = tbb::info::default_concurrency();
+  return count;
+}
 
 int thread_count() { return threads_of_loops > 0 ? threads_of_loops : processor_count(); }
 
