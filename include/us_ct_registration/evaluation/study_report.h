@@ -20,7 +20,7 @@ struct StudyPicture {
   std::filesystem::path folder;
 };
 
-/// What was made of a study beside its runs.
+/// Pictures and profiles that were made of a study, beside its runs.
 struct StudyExtras {
   std::vector<StudyPicture> pictures;
   std::vector<StudyProfile> profiles;

@@ -34,7 +34,7 @@ class BallFit {
   BallFit(const CtVolume& ct, double diameter_mm)
       : ct_(ct), spacing_mm_(ct.grid.spacing_mm), radius_mm_(0.5 * diameter_mm) {
     reach_mm_ = radius_mm_ + 0.6 + spacing_mm_.minCoeff();
-    // That of a scanner and that of the voxels' extent.
+    // The blur of a scanner, and the blur by the extent of the voxels.
     constexpr double kScannerBlurMm = 0.4;
     blur_mm_ = (spacing_mm_.cwiseAbs2().array() / 12.0 + kScannerBlurMm * kScannerBlurMm).sqrt();
   }

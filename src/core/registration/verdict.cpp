@@ -83,8 +83,9 @@ std::string acquisition_words(const Measures& m) {
   return words;
 }
 
-/// What was found, why it is not believed and what would help: a mirrored acquisition, or else the
-/// weakest kind of evidence. Parts of the field do not agree about a mirrored pose either.
+/// Says what was found, why it is not believed and what would help. A mirrored acquisition is named
+/// first, since parts of the field do not agree about its pose either; else the weakest kind of
+/// evidence gives the reason.
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
   if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";

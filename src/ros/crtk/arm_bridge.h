@@ -45,7 +45,7 @@ struct ArmBridgeOptions {
   double max_age_s = 0.5;
 };
 
-/// What happened to the messages of an arm.
+/// Counts of the messages of an arm, and the last comparison of its poses with its joints.
 struct ArmReport {
   std::uint64_t taken = 0;
   std::uint64_t refused = 0;
