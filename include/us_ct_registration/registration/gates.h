@@ -49,10 +49,13 @@ struct Measures {
   /// of view), by patches almost without a ridge and by patches with one.
   std::optional<double> parts_mm;
   std::optional<double> ridge_parts_mm;
-  /// Rise of the similarity that the pose reaches over the rise that clusters of patches reach by
-  /// translations of their own, less what chance makes up: near 1 if all clusters agree with the
-  /// pose, about 0 or less if none does.
+  /// How far clusters of patches lie where they would like to, at the pose and as their neighbours
+  /// wish: near 1 if all do, about 0 or less if their wishes have nothing to do with the pose nor
+  /// with each other.
   std::optional<double> local_agreement;
+  /// About how far tissue near the middle of the field has moved relative to the pose, root mean
+  /// square, mm: the translations that clusters there wish together with their neighbours.
+  std::optional<double> tissue_motion_mm;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.
   std::optional<double> wrong_probability;

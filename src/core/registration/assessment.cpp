@@ -174,9 +174,7 @@ void Assessor::compare_with_others(const EvidenceImages& on, const std::vector<C
 void Assessor::check_field(const EvidenceImages& on, const Candidate& refined,
                            Assessment& assessment, Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
-  if (const auto patches = make_similarity(*on.images.levels.back().images, confidence.similarity))
-    assessment.measures.local_agreement = local_agreement(
-        *patches, refined.T_us_ct, confidence.cluster_mm, confidence.cluster_step_mm, run);
+  compare_clusters(on, refined, assessment.measures, run);
   compare_parts(on, refined, assessment, run);
   const std::optional<AcquisitionErrors> errors = acquisition_errors_at(
       refined.T_us_ct, *on.images.levels.back().images, confidence.ridge_similarity,
@@ -225,6 +223,22 @@ void Assessor::compare_with_rivals(const EvidenceImages& on, const std::vector<C
   measures.rival_advantage = least;
 }
 
+void Assessor::compare_clusters(const EvidenceImages& on, const Candidate& refined,
+                                Measures& measures, Run& run) const {
+  const ConfidenceOptions& confidence = options_.confidence;
+  const auto patches = make_similarity(*on.images.levels.back().images, confidence.similarity);
+  if (!patches) return;
+  // Near the middle: the clusters that reach into the region of the expected error.
+  const LocalAgreementOptions options{
+      confidence.cluster_mm, confidence.cluster_step_mm, on.images.prepared.field.centre_us_mm(),
+      confidence.error.target_radius_mm + 0.5 * confidence.cluster_mm};
+  const std::optional<LocalAgreement> found =
+      local_agreement(*patches, refined.T_us_ct, options, run);
+  if (!found) return;
+  measures.local_agreement = found->share;
+  measures.tissue_motion_mm = found->tissue_motion_mm;
+}
+
 void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
                              Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
@@ -241,7 +255,8 @@ void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined,
   measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
   if (halves.empty()) return;
   const ErrorOptions& error = confidence.error;
-  result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error);
+  result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error) +
+                      shift_covariance(result.measures.tissue_motion_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field, error.target_radius_mm)).rms_mm;
   result.measures.expected_error_mm = expected_mm;

@@ -65,6 +65,8 @@ class Assessor {
   /// of the acquisition unless the refinement estimated them.
   void check_field(const EvidenceImages& on, const Candidate& refined, Assessment& assessment,
                    Run& run) const;
+  void compare_clusters(const EvidenceImages& on, const Candidate& refined, Measures& measures,
+                        Run& run) const;
   void compare_parts(const EvidenceImages& on, const Candidate& refined, Assessment& result,
                      Run& run) const;
 

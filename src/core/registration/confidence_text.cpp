@@ -56,7 +56,11 @@ std::string evidence_text(const Measures& m) {
               formatted("small blocks of the field of view agree with the pose by %.2f, where 1 is "
                         "full agreement and 0 is chance; halves of the field, registered alone, "
                         "move the pose by %.1f mm",
-                        *m.local_agreement, *m.parts_mm),
+                        *m.local_agreement, *m.parts_mm) +
+                  (m.tissue_motion_mm
+                       ? formatted("; tissue in the middle would rather lie %.1f mm elsewhere",
+                                   *m.tissue_motion_mm)
+                       : ""),
               "check that the CT is of this patient, the geometry of the probe and the tracking, "
               "and acquire again during a breath hold and with little pressure");
 }

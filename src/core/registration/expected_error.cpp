@@ -57,8 +57,12 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
         middle_of_frame(recorded, recorded.frames - 1) - middle_of_frame(recorded, 0);
     add(shift(options.lag_frames / (recorded.frames - 1) * path));
   }
-  for (int axis = 0; axis < 3; ++axis)
-    add(shift(options.other_mm / std::sqrt(3.0) * Vector3d::Unit(axis)));
+  return covariance + shift_covariance(options.other_mm);
+}
+
+Eigen::Matrix<double, 6, 6> shift_covariance(double rms_mm) {
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  covariance.diagonal().tail<3>().setConstant(rms_mm * rms_mm / 3.0);
   return covariance;
 }
 

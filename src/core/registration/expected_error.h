@@ -19,4 +19,7 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
                                             const Eigen::Vector3d& centre_us_mm,
                                             const ErrorOptions& options);
 
+/// The covariance of a shift in any direction whose root mean square length is `rms_mm`.
+Eigen::Matrix<double, 6, 6> shift_covariance(double rms_mm);
+
 }  // namespace usct::registration

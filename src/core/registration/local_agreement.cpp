@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "parallel.h"
@@ -12,9 +11,14 @@
 namespace usct::registration {
 namespace {
 
+using Eigen::Vector3d;
+
+/// Values of clusters: a row per translation.
+using Rows = std::vector<std::vector<double>>;
+
 /// The shared pose first.
-std::vector<Eigen::Vector3d> translations(double step_mm) {
-  std::vector<Eigen::Vector3d> result{Eigen::Vector3d::Zero()};
+std::vector<Vector3d> translations(double step_mm) {
+  std::vector<Vector3d> result{Vector3d::Zero()};
   for (const double x : {-step_mm, 0.0, step_mm})
     for (const double y : {-step_mm, 0.0, step_mm})
       for (const double z : {-step_mm, 0.0, step_mm})
@@ -22,37 +26,77 @@ std::vector<Eigen::Vector3d> translations(double step_mm) {
   return result;
 }
 
+/// The translation that a cluster likes best, the first of equal ones, and the rise from the mean.
+struct Best {
+  std::size_t translation = 0;
+  double mean = 0.0;
+  double rise = 0.0;
+};
+
+Best best_of(const Rows& values, std::size_t cluster) {
+  Best best;
+  for (std::size_t t = 0; t < values.size(); ++t) {
+    best.mean += values[t][cluster] / static_cast<double>(values.size());
+    if (values[t][cluster] > values[best.translation][cluster]) best.translation = t;
+  }
+  best.rise = values[best.translation][cluster] - best.mean;
+  return best;
+}
+
+std::optional<double> share_of_rise(const Rows& own, const Rows& of_neighbours) {
+  const std::size_t clusters = own.front().size();
+  double shared = 0.0;
+  double as_neighbours = 0.0;
+  double reachable = 0.0;
+  for (std::size_t c = 0; c < clusters; ++c) {
+    const Best best = best_of(own, c);
+    shared += own[0][c] - best.mean;
+    as_neighbours += own[best_of(of_neighbours, c).translation][c] - best.mean;
+    reachable += best.rise;
+  }
+  if (!(reachable > 0.0)) return std::nullopt;
+  return 0.5 * (shared + as_neighbours) / reachable -
+         1.0 / std::sqrt(static_cast<double>(clusters));
+}
+
+double tissue_motion_mm(const Rows& own, const Rows& of_neighbours, const Clusters& clusters,
+                        const std::vector<Vector3d>& moves_mm,
+                        const LocalAgreementOptions& options) {
+  Rows together = own;
+  for (std::size_t t = 0; t < own.size(); ++t)
+    for (std::size_t c = 0; c < clusters.count(); ++c) together[t][c] += of_neighbours[t][c];
+  double squares = 0.0;
+  double weights = 0.0;
+  for (std::size_t c = 0; c < clusters.count(); ++c) {
+    if ((clusters.middles_us_mm()[c] - options.centre_us_mm).norm() > options.radius_mm) continue;
+    const Best best = best_of(together, c);
+    squares += best.rise * moves_mm[best.translation].squaredNorm();
+    weights += best.rise;
+  }
+  return weights > 0.0 ? std::sqrt(squares / weights) : 0.0;
+}
+
 }  // namespace
 
-std::optional<double> local_agreement(const Similarity& similarity,
-                                      const Eigen::Isometry3d& T_us_ct, double cluster_mm,
-                                      double step_mm, Run& run) {
-  const Clusters clusters(similarity.part_centres_us_mm(), cluster_mm);
+std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
+                                              const Eigen::Isometry3d& T_us_ct,
+                                              const LocalAgreementOptions& options, Run& run) {
+  const Clusters clusters(similarity.part_centres_us_mm(), options.cluster_mm);
   if (clusters.count() == 0) return std::nullopt;
-  const std::vector<Eigen::Vector3d> moves_mm = translations(step_mm);
-  std::vector<std::vector<double>> values(moves_mm.size());
+  const std::vector<Vector3d> moves_mm = translations(options.step_mm);
+  Rows own(moves_mm.size());
+  Rows of_neighbours(moves_mm.size());
   parallel_for(static_cast<int>(moves_mm.size()), [&](int i) {
     run.check_cancelled();
     const auto at = static_cast<std::size_t>(i);
     const Candidate moved{Eigen::Translation3d(moves_mm[at]) * T_us_ct, {}};
-    values[at] = clusters.sums(similarity.parts(moved.pose()));
+    own[at] = clusters.sums(similarity.parts(moved.pose()));
+    of_neighbours[at] = clusters.sums_of_neighbours(own[at]);
   });
   run.count_evaluations(moves_mm.size());
-  double reached = 0.0;
-  double reachable = 0.0;
-  for (std::size_t c = 0; c < clusters.count(); ++c) {
-    double sum = 0.0;
-    double most = values[0][c];
-    for (const std::vector<double>& of_move : values) {
-      sum += of_move[c];
-      most = std::max(most, of_move[c]);
-    }
-    const double mean = sum / static_cast<double>(values.size());
-    reached += values[0][c] - mean;
-    reachable += most - mean;
-  }
-  if (!(reachable > 0.0)) return std::nullopt;
-  return reached / reachable - 1.0 / std::sqrt(static_cast<double>(clusters.count()));
+  const std::optional<double> share = share_of_rise(own, of_neighbours);
+  if (!share) return std::nullopt;
+  return LocalAgreement{*share, tissue_motion_mm(own, of_neighbours, clusters, moves_mm, options)};
 }
 
 }  // namespace usct::registration

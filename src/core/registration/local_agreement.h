@@ -8,21 +8,40 @@
 
 namespace usct::registration {
 
+struct LocalAgreementOptions {
+  /// The edge of the clusters' cubes, and the translations that they are offered, mm.
+  double cluster_mm;
+  double step_mm;
+  /// Where the motion of tissue counts: clusters whose cubes' middles are this close to a point.
+  Eigen::Vector3d centre_us_mm;
+  double radius_mm;
+};
+
 /// How far clusters of the ultrasound agree with a pose that they share. Each cluster could reach a
 /// higher similarity by a translation of its own, of -step_mm, 0 or step_mm along each axis of the
-/// US frame. The share of the rise in reach is the rise of the similarity above the mean over these
-/// 27 translations, as the shared pose reaches it, over the rise that the clusters reach with the
-/// best translation of each. It does not depend on the scale of the similarity.
-///
-/// A rigid motion makes a wrong pose an optimum of the whole; it has six parameters and cannot do
-/// so for each of a hundred clusters. Among n clusters that have nothing to do with the pose chance
-/// makes up a share in proportion to 1 / sqrt(n), as the best of many sums of n random terms. The
-/// result is the share less 1 / sqrt(n): near 1 if no cluster would rather lie elsewhere, and about
-/// 0 or less if their wishes have nothing to do with the pose.
-///
+/// US frame. The rise in reach is that from the mean over these 27 translations to the best one of
+/// each cluster, summed over the clusters.
+struct LocalAgreement {
+  /// The mean of two shares of the rise in reach: the one that the shared pose reaches, and the one
+  /// that each cluster reaches with the translation that its neighbours together like best.
+  ///
+  /// A rigid motion makes a wrong pose an optimum of the whole; it has six parameters and cannot
+  /// make it one for each of a hundred clusters, which the first share asks. Soft tissue that has
+  /// moved since the CT lowers the first share as well; but it moves with its neighbours, which the
+  /// second share asks. Among n clusters that have nothing to do with the pose chance makes up a
+  /// share in proportion to 1 / sqrt(n), as the best of many sums of n random terms: this is taken
+  /// off. Near 1 if no cluster would rather lie elsewhere, about 0 or less if their wishes have
+  /// nothing to do with the pose nor with each other. It does not depend on the similarity's scale.
+  double share = 0.0;
+  /// Root mean square length, mm, of the translations that clusters near the centre and their
+  /// neighbours together like best, by the rise that depends on it: about how far tissue there has
+  /// moved relative to the pose. 0 if nothing there makes a difference.
+  double tissue_motion_mm = 0.0;
+};
+
 /// Unset for a similarity without parts, and where no translation makes a difference.
-std::optional<double> local_agreement(const Similarity& similarity,
-                                      const Eigen::Isometry3d& T_us_ct, double cluster_mm,
-                                      double step_mm, Run& run);
+std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
+                                              const Eigen::Isometry3d& T_us_ct,
+                                              const LocalAgreementOptions& options, Run& run);
 
 }  // namespace usct::registration

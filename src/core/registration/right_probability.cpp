@@ -27,13 +27,13 @@ constexpr double kMostTornMm = 4.0;
 constexpr double kTornPerMm = 2.0;
 
 /// The local agreement at which parts of the field say nothing, and how fast the log odds rise with
-/// it. Chosen on right poses alone: the highest that would refuse none of them if their agreement
-/// was a tenth lower (docs/confidence.md).
-constexpr double kEvenAgreement = 0.25;
+/// it: docs/confidence.md says how they were chosen.
+constexpr double kEvenAgreement = 0.28;
 constexpr double kPerAgreement = 60.0;
 
-/// No evidence of one kind is so strong that it makes up for any weakness of the other.
-constexpr double kMostChanceOdds = 4.0;
+/// No evidence of one kind is so strong that it makes up for any weakness of the other. Standing
+/// out from chance makes up for little: the kidney of another patient does so as well.
+constexpr double kMostChanceOdds = 1.0;
 constexpr double kMostPartsOdds = 3.0;
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/geometry/random_geometry.h"
+#include "registration/clusters.h"
 #include "registration/local_agreement.h"
 
 namespace usct::test {
@@ -12,7 +13,9 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
+using registration::Clusters;
 using registration::local_agreement;
+using registration::LocalAgreement;
 
 constexpr double kClusterMm = 10.0;
 constexpr double kStepMm = 4.0;
@@ -50,11 +53,18 @@ class Wishes final : public Similarity {
   double scale_ = 1.0;
 };
 
-std::optional<double> agreement(const Similarity& similarity,
-                                const Isometry3d& T_us_ct = Isometry3d::Identity()) {
+/// Tissue counts as near within so much of the middle of the first cluster.
+std::optional<LocalAgreement> agreement_of(const Similarity& similarity,
+                                           const Isometry3d& T_us_ct = Isometry3d::Identity(),
+                                           double radius_mm = 1000.0) {
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return local_agreement(similarity, T_us_ct, kClusterMm, kStepMm, run);
+  return local_agreement(similarity, T_us_ct,
+                         {kClusterMm, kStepMm, Vector3d(5.0, 5.0, 5.0), radius_mm}, run);
+}
+
+double agreement(const Similarity& similarity, const Isometry3d& T_us_ct = Isometry3d::Identity()) {
+  return agreement_of(similarity, T_us_ct).value().share;
 }
 
 /// The share that chance makes up among so many clusters.
@@ -65,22 +75,58 @@ Isometry3d shift(const Vector3d& shift_mm) { return Isometry3d(Eigen::Translatio
 RC_GTEST_PROP(LocalAgreement, IsWholeIfAllClustersWishThePose, ()) {
   const Vector3d pose_mm = random_pose(20.0).translation();
   const Wishes wishes(std::vector<Vector3d>(5, pose_mm));
-  RC_ASSERT(std::abs(agreement(wishes, shift(pose_mm)).value() - (1.0 - by_chance(5))) < 1e-9);
+  RC_ASSERT(std::abs(agreement(wishes, shift(pose_mm)) - (1.0 - by_chance(5))) < 1e-9);
 }
 
-/// At a distance of sqrt(3) steps a cluster that wishes a corner is about as well off as on
-/// average.
-TEST(LocalAgreement, FallsWithTheShareOfClustersThatWishToLieElsewhere) {
-  const Vector3d corner_mm(kStepMm, kStepMm, -kStepMm);
-  double before = 1.0;
-  for (std::size_t others = 0; others <= 4; ++others) {
-    std::vector<Vector3d> wished(4, Vector3d::Zero());
-    std::fill_n(wished.begin(), others, corner_mm);
-    const double now = agreement(Wishes(wished)).value();
-    EXPECT_LT(now, before);
-    before = now;
-  }
-  EXPECT_LT(before + by_chance(4), 0.05);
+const Vector3d kCornerMm(kStepMm, kStepMm, -kStepMm);
+
+/// The share of its rise that a cluster reaches at the pose if it wishes a corner of the lattice.
+double share_off_a_corner() {
+  double sum = 0.0;
+  for (const int x : {0, 1, 2})
+    for (const int y : {0, 1, 2})
+      for (const int z : {0, 1, 2}) sum += std::exp(-std::sqrt(x * x + y * y + z * z));
+  const double mean = sum / 27.0;
+  return (std::exp(-std::sqrt(3.0)) - mean) / (1.0 - mean);
+}
+
+/// Tissue that has moved as a whole does not lie where it would like to, but where its neighbours
+/// would like it to.
+TEST(LocalAgreement, TissueThatMovesWithItsNeighboursAgreesByHalf) {
+  const LocalAgreement moved = agreement_of(Wishes(std::vector<Vector3d>(6, kCornerMm))).value();
+  EXPECT_NEAR(moved.share, 0.5 * (share_off_a_corner() + 1.0) - by_chance(6), 1e-9);
+  EXPECT_NEAR(moved.tissue_motion_mm, kCornerMm.norm(), 1e-9);
+}
+
+TEST(LocalAgreement, ClustersThatWishTheOppositeOfTheirNeighboursDoNotAgree) {
+  std::vector<Vector3d> wished;
+  for (int i = 0; i < 6; ++i) wished.push_back(i % 2 == 0 ? kCornerMm : Vector3d(-kCornerMm));
+  EXPECT_LT(agreement(Wishes(wished)) + by_chance(6), 0.0);
+}
+
+/// The third cluster alone wishes to move, and is outvoted by its neighbours, which wish to stay.
+TEST(LocalAgreement, OneClusterAmongOthersIsNoMotionOfTissue) {
+  const LocalAgreement found =
+      agreement_of(Wishes({{0, 0, 0}, {0, 0, 0}, kCornerMm, {0, 0, 0}, {0, 0, 0}})).value();
+  EXPECT_EQ(found.tissue_motion_mm, 0.0);
+  EXPECT_GT(found.share + by_chance(5), 0.7);
+}
+
+TEST(LocalAgreement, TissueFarFromTheCentreDoesNotCount) {
+  std::vector<Vector3d> wished(8, Vector3d::Zero());
+  std::fill_n(wished.begin() + 4, 4, kCornerMm);
+  // The middles of the clusters are 10 mm apart.
+  const Wishes wishes(wished);
+  EXPECT_EQ(agreement_of(wishes, Isometry3d::Identity(), 25.0).value().tissue_motion_mm, 0.0);
+  EXPECT_GT(agreement_of(wishes, Isometry3d::Identity(), 75.0).value().tissue_motion_mm, 3.0);
+}
+
+TEST(Clusters, NeighboursAreThoseWhoseCubesTouch) {
+  // Three in a row, one that touches the last by an edge, and one on its own.
+  const Clusters clusters({{5, 5, 5}, {15, 5, 5}, {25, 5, 5}, {35, 15, 5}, {95, 5, 5}}, 10.0);
+  ASSERT_EQ(clusters.count(), 5U);
+  EXPECT_EQ(clusters.middles_us_mm()[3], Vector3d(35, 15, 5));
+  EXPECT_EQ(clusters.sums_of_neighbours({1, 2, 4, 8, 16}), (std::vector<double>{2, 5, 10, 4, 0}));
 }
 
 /// By hand: a cluster wishes (4, 0, 0). Its contributions are exp(-d) for 27 distances d (in steps)
@@ -91,7 +137,7 @@ TEST(LocalAgreement, IsTheShareOfTheRiseInReachLessWhatChanceMakesUp) {
     for (const int y : {-1, 0, 1})
       for (const int z : {-1, 0, 1}) sum += std::exp(-std::sqrt(x * x + y * y + z * z));
   const double mean = sum / 27.0;
-  EXPECT_NEAR(agreement(Wishes({{kStepMm, 0.0, 0.0}})).value(),
+  EXPECT_NEAR(agreement(Wishes({{kStepMm, 0.0, 0.0}})),
               (std::exp(-1.0) - mean) / (1.0 - mean) - by_chance(1), 1e-9);
 }
 
@@ -100,12 +146,12 @@ RC_GTEST_PROP(LocalAgreement, DoesNotDependOnTheScaleOfTheSimilarity, ()) {
   for (int i = 0; i < 6; ++i) wished.push_back(random_pose(6.0).translation());
   const Wishes wishes(wished);
   const double scale = uniform(0.01, 100.0);
-  RC_ASSERT(std::abs(agreement(wishes).value() - agreement(wishes.times(scale)).value()) < 1e-9);
+  RC_ASSERT(std::abs(agreement(wishes) - agreement(wishes.times(scale))) < 1e-9);
 }
 
 TEST(LocalAgreement, SimilaritiesWithoutPartsOrDifferencesSayNothing) {
-  EXPECT_FALSE(agreement(Wishes({})));
-  EXPECT_FALSE(agreement(Wishes({Vector3d::Zero()}).times(0.0)));
+  EXPECT_FALSE(agreement_of(Wishes({})));
+  EXPECT_FALSE(agreement_of(Wishes({Vector3d::Zero()}).times(0.0)));
 }
 
 }  // namespace
