@@ -86,19 +86,23 @@ std::map<std::string, double> by_name(const Measures& measures);
 Measures measures_from(const std::map<std::string, double>& values, const std::string& source);
 
 /// What the evidence says: for each of its three kinds, the probability that the pose is right as
-/// far as this kind can tell.
+/// far as this kind can tell; and how probable it is that a right one is less than 5 mm off.
 struct RightProbability {
   double mirrors = 0.0;  // it is better than the mirrored ultrasound
   double chance = 0.0;   // it is better than poses elsewhere, which chance reaches
   double parts = 0.0;    // parts of the field agree about it
+  double near = 1.0;     // its error is below 5 mm, if it is as large as expected
 
   /// All together. Chance and parts both ask whether the pose is a firm optimum, so that their odds
-  /// are multiplied. Mirrored ultrasound has firm optima as well: this probability is a factor.
+  /// are multiplied; those of chance count up to a limit, since the kidney of another patient
+  /// stands out from chance as well. Mirrored ultrasound has firm optima too, and a firm optimum of
+  /// tissue that has moved is no close one: these probabilities are factors.
   double all() const;
 };
 
 /// Logistic functions of the measures, calibrated on equally many right and wrong poses
-/// (docs/confidence.md). Unset if a measure is absent or not a number.
+/// (docs/confidence.md). Unset if a measure is absent or not a number, but for the expected error:
+/// without one, no error is expected.
 std::optional<RightProbability> right_probability(const Measures& measures);
 
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails

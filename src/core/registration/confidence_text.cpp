@@ -62,7 +62,14 @@ std::string evidence_text(const Measures& m) {
                                    *m.tissue_motion_mm)
                        : ""),
               "check that the CT is of this patient, the geometry of the probe and the tracking, "
-              "and acquire again during a breath hold and with little pressure");
+              "and acquire again during a breath hold and with little pressure") +
+         (m.expected_error_mm
+              ? line("expected error", right->near,
+                     formatted("if the pose is right, its error is about %.1f mm, and below 5 mm "
+                               "with this probability",
+                               *m.expected_error_mm),
+                     "acquire again during a breath hold and with little pressure")
+              : "");
 }
 
 std::string confidence_text(const RegistrationResult& result) {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 
 #include "us_ct_registration/registration/gates.h"
@@ -31,16 +32,29 @@ constexpr double kTornPerMm = 2.0;
 constexpr double kEvenAgreement = 0.28;
 constexpr double kPerAgreement = 60.0;
 
-/// No evidence of one kind is so strong that it makes up for any weakness of the other. Standing
-/// out from chance makes up for little: the kidney of another patient does so as well.
-constexpr double kMostChanceOdds = 1.0;
+/// No evidence of one kind is so strong that it makes up for any weakness of the other.
+constexpr double kMostChanceOdds = 4.0;
 constexpr double kMostPartsOdds = 3.0;
+/// Beside parts, standing out from chance counts for no more log odds than this: the kidney of
+/// another patient stands out from chance as well, and only parts of the field tell it.
+constexpr double kMostChanceBesideParts = 1.0;
+
+/// Poses farther off are wrong.
+constexpr double kWrongMm = 5.0;
+
+/// The probability that a normally distributed error in space, the same in all directions, is
+/// shorter than kWrongMm (Maxwell's distribution).
+double probability_near(double rms_mm) {
+  const double ratio = kWrongMm / std::max(rms_mm, 1e-3);
+  return boost::math::gamma_p(1.5, 1.5 * ratio * ratio);
+}
 
 }  // namespace
 
 double RightProbability::all() const {
-  const double against = (1.0 - chance) * (1.0 - parts);
-  return mirrors * chance * parts / (chance * parts + against);
+  const double counts = std::min(chance, logistic(kMostChanceBesideParts));
+  const double against = (1.0 - counts) * (1.0 - parts);
+  return mirrors * near * counts * parts / (counts * parts + against);
 }
 
 std::optional<RightProbability> right_probability(const Measures& m) {
@@ -48,6 +62,7 @@ std::optional<RightProbability> right_probability(const Measures& m) {
        {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.rival_ratio, m.rival_advantage,
         m.parts_mm, m.local_agreement})
     if (!value || std::isnan(*value)) return std::nullopt;
+  if (m.expected_error_mm && std::isnan(*m.expected_error_mm)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   const double torn = kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm);
   RightProbability right;
@@ -58,6 +73,7 @@ std::optional<RightProbability> right_probability(const Measures& m) {
                                     0.7 * std::clamp(*m.rival_advantage, -3.0, 6.0) - far));
   const double agreement = kPerAgreement * (*m.local_agreement - kEvenAgreement);
   right.parts = logistic(std::min(kMostPartsOdds, agreement) - torn);
+  if (m.expected_error_mm) right.near = probability_near(*m.expected_error_mm);
   return right;
 }
 

@@ -63,6 +63,17 @@ std::string parts_words(const Measures& m) {
          "during a breath hold";
 }
 
+std::string near_words(const Measures& m) {
+  std::string words = "an error of more than 5 mm is not improbable (expected are " +
+                      number(*m.expected_error_mm) + " mm";
+  if (m.tissue_motion_mm)
+    words += "; tissue in the middle of the field would rather lie " + number(*m.tissue_motion_mm) +
+             " mm elsewhere";
+  return words +
+         "): the anatomy may have moved or be deformed since the CT; acquire again during a breath "
+         "hold and with little pressure, and check probe geometry and tracking";
+}
+
 /// Errors beyond these are named. Of seven phantoms with right geometry none was estimated to be
 /// off by half as much in depth, or by two thirds in the sweep.
 constexpr double kWrongDepth = 0.04;
@@ -89,10 +100,11 @@ std::string acquisition_words(const Measures& m) {
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
   if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";
-  const double least = std::min({right->mirrors, right->chance, right->parts});
+  const double least = std::min({right->mirrors, right->chance, right->parts, right->near});
   if (least == right->mirrors || is_mirrored(assessment.measures)) return mirror_words(assessment);
   if (least == right->chance) return chance_words(assessment.measures);
-  return parts_words(assessment.measures);
+  if (least == right->parts) return parts_words(assessment.measures);
+  return near_words(assessment.measures);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -39,11 +40,14 @@ Measures any_measures() {
 
 double odds(double probability) { return probability / (1.0 - probability); }
 
+/// The most that standing out from chance counts for beside parts: odds of e.
+const double kMostOddsOfChance = std::exp(1.0);
+
 RC_GTEST_PROP(RightProbability, MultipliesTheOddsOfChanceAndPartsByTheProbabilityOfMirrors, ()) {
   const RightProbability right = right_probability(any_measures()).value();
   for (const double each : {right.mirrors, right.chance, right.parts, right.all()})
     RC_ASSERT(each >= 0.0 && each <= 1.0);
-  const double both = odds(right.chance) * odds(right.parts);
+  const double both = std::min(odds(right.chance), kMostOddsOfChance) * odds(right.parts);
   RC_ASSERT(std::abs(right.all() - right.mirrors * both / (1.0 + both)) < 1e-9);
 }
 
@@ -59,6 +63,37 @@ RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
     RC_ASSERT(after.chance >= before.chance);
     RC_ASSERT(after.parts >= before.parts);
   }
+}
+
+/// The kidney of another patient, laid on this one: it stands out from chance and from mirror
+/// images, but its blocks do not agree.
+TEST(RightProbability, NothingMakesUpForBlocksThatDoNotAgree) {
+  Measures measures;
+  measures.displacement_mm = measures.parts_mm = 0.0;
+  measures.mirror_ratio = measures.rival_ratio = 100.0;
+  measures.mirror_advantage = measures.rival_advantage = 100.0;
+  measures.local_agreement = 0.2;
+  EXPECT_LT(right_probability(measures)->all(), 0.1);
+  EXPECT_GT(right_probability(measures)->chance, 0.95);
+  measures.local_agreement = 0.4;
+  EXPECT_GT(right_probability(measures)->all(), 0.9);
+}
+
+/// The square of an error's length over its variance along an axis is chi-squared with 3 degrees of
+/// freedom, of which 7.815 is the 95 % quantile.
+TEST(RightProbability, AnErrorThatMayExceedFiveMillimetresIsAFactor) {
+  Measures measures;
+  measures.displacement_mm = measures.parts_mm = 0.0;
+  measures.mirror_ratio = measures.rival_ratio = 2.0;
+  measures.mirror_advantage = measures.rival_advantage = 5.0;
+  measures.local_agreement = 0.5;
+  const double without = right_probability(measures)->all();
+  measures.expected_error_mm = 5.0 * std::sqrt(3.0 / 7.815);
+  EXPECT_NEAR(right_probability(measures)->all(), 0.95 * without, 1e-4);
+  measures.expected_error_mm = 0.0;
+  EXPECT_NEAR(right_probability(measures)->all(), without, 1e-12);
+  measures.expected_error_mm = kNan;
+  EXPECT_FALSE(right_probability(measures));
 }
 
 /// Measures between good and bad, where each of them matters.
@@ -99,8 +134,7 @@ TEST(RightProbability, OtherMeasuresAreNoEvidence) {
   measures.overlap = 0.0;
   measures.ridge_parts_mm = 9.0;
   measures.disagreement_mm = 30.0;
-  measures.depth_error = 0.1;
-  measures.expected_error_mm = kNan;
+  measures.depth_error = kNan;
   EXPECT_EQ(right_probability(measures)->all(), before);
 }
 

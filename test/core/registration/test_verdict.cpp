@@ -105,6 +105,13 @@ TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
                {"parts of the ultrasound", "by 0.12", "move it by 7 mm", "another patient"});
 }
 
+TEST(Verdict, AnErrorThatMayBeTooLargeIsNamedWithTheMotionOfTissue) {
+  Assessment assessment = strong();
+  assessment.measures.expected_error_mm = 6.0;
+  assessment.measures.tissue_motion_mm = 4.1;
+  expect_named(assessment, {"expected are 6 mm", "lie 4.1 mm elsewhere", "breath hold"});
+}
+
 TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
   Assessment assessment = strong();
   const auto message = [&] {
