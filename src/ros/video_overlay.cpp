@@ -91,7 +91,8 @@ void VideoOverlay::read_parameters(Parameters& parameters) {
   transport_ = parameters.text("image_transport", "raw");
   max_stereo_skew_s_ = parameters.number("max_stereo_skew", 0.02, 0.0, 10.0);
   scene_options_.styles = read_styles(parameters);
-  scene_options_.bound_factor = parameters.number("bound_factor", 1.25, 0.1, 100.0);
+  scene_options_.bound_factor =
+      parameters.number("bound_factor", scene_options_.bound_factor, 0.1, 100.0);
   scene_options_.old_after_s = parameters.number("old_after", 1800.0, 0.0, 1e6);
   painting_.tf_timeout_s = parameters.number("tf_timeout", 0.1, 0.0, 10.0);
   painting_.camera_error_px = parameters.number("camera_error_px", 1.0, 0.0, 1000.0);

@@ -139,7 +139,7 @@ struct ErrorOptions {
   /// Shift by all other errors, root mean square, mm; >= 0.
   double other_mm = 0.3;
   /// The 90 % bound over the expected error; > 0.
-  double bound_factor = 1.25;
+  double bound_factor = 1.1;
   /// The expected error is that of points within this distance of the middle of the field, mm; > 0.
   double target_radius_mm = 30.0;
 

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/rendering/overlay.h"
 
 namespace usct::ros_interface {
@@ -32,7 +33,7 @@ struct OverlaySceneOptions {
   std::map<std::string, StructureStyle> styles;
   /// The bound of the registration's error in 90 of 100 right registrations, over its expected
   /// error (docs/confidence.md).
-  double bound_factor = 1.25;
+  double bound_factor = ErrorOptions().bound_factor;
   /// The alignment is called old if its ultrasound was acquired longer before the image, s.
   double old_after_s = 1800.0;
 };
