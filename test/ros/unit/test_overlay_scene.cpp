@@ -118,7 +118,7 @@ TEST(OverlayScene, TheBoundIsThatOfTheCovarianceAtTheStructure) {
   // The pose of another alignment says nothing of this one.
   pose.header.stamp = ::ros::Time(900);
   kept.keeper.take_pose(pose);
-  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 2.5);
+  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 2.2);
 }
 
 TEST(NewestSlot, OnlyTheNewestValueWaits) {
