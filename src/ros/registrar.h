@@ -5,11 +5,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "ros/held_volumes.h"
 #include "ros/initial_alignments.h"
+#include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/registration/rough_pose.h"
@@ -47,12 +49,20 @@ struct RegistrarOptions {
 };
 
 /// Turns a request into a result: collects the inputs, registers, and explains a refusal. It refers
-/// to volumes and alignments of other objects, which must outlive it.
+/// to volumes and alignments of other objects, which must outlive it. Its functions must be called
+/// from one thread.
 class Registrar {
  public:
   /// Throws InputError, naming `source`, if the options are invalid.
   Registrar(RegistrarOptions options, HeldVolumes& volumes, const InitialAlignments& alignments,
             const FixedFrame& frame, const std::string& source);
+
+  /// Whether the newest CT is held, or none is left, and `prepare_ct` has not noticed.
+  bool is_ct_unprepared() const;
+  /// Prepares the newest CT for registrations with the node's options, and forgets another one.
+  /// Registrations of a CT that is not prepared give the same results, later. `cancelled` ends the
+  /// preparation, as another CT does; the CT then stays unprepared. Never throws.
+  void prepare_ct(const std::function<bool()>& cancelled);
 
   /// Never throws; the result's `id` is the caller's.
   us_ct_registration::RegistrationResult run(const RegistrationRequest& request);
@@ -79,6 +89,9 @@ class Registrar {
   const InitialAlignments& alignments_;
   const FixedFrame& frame_;
   Chosen own_;
+  /// `prepared_` refers to the volume of `prepared_of_`; both are null, or none.
+  std::shared_ptr<const HeldCt> prepared_of_;
+  std::unique_ptr<const PreparedCt> prepared_;
 };
 
 }  // namespace usct::ros_interface

@@ -13,7 +13,7 @@ using namespace registration;
 
 /// The pipeline prepares the images once; each round then searches, refines, assesses and judges,
 /// until the pose passes the gates, or the evidence says that another round would not help.
-Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolume& ct,
+Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const PreparedCt& ct,
                                          const Eigen::Isometry3d& T_us_ct_initial,
                                          const RegistrationOptions& options, Run& run) {
   run.report(0.0);
@@ -22,7 +22,7 @@ Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolum
   run.report(0.2);
   const SearchProblem problem{images->similarities(), options.search, T_us_ct_initial,
                               images->prepared.field, options.seed};
-  Assessor assessor(us, ct, *images, problem, options);
+  Assessor assessor(us, ct.ct(), *images, problem, options);
   std::vector<Candidate> optima;
   for (int round = 0;; ++round) {
     optima =
@@ -50,7 +50,7 @@ Outcome<RegistrationResult> run_pipeline(const BeamUltrasound& us, const CtVolum
 
 }  // namespace
 
-RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const CtVolume& ct,
+RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const PreparedCt& ct,
                                        const Eigen::Isometry3d& T_us_ct_initial,
                                        const RegistrationOptions& options,
                                        const RegistrationHooks& hooks) {
