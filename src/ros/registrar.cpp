@@ -53,7 +53,8 @@ Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes,
       volumes_(volumes),
       alignments_(alignments),
       frame_(frame),
-      own_(parsed(options_.preset, options_.options, source)) {}
+      own_(parsed(options_.preset, options_.options, source)),
+      tracker_(own_.options, {options_.full_every}) {}
 
 Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string& options,
                                     const std::string& source) const {
@@ -146,15 +147,18 @@ void Registrar::require_newest(const HeldCt& ct) const {
                                     " was being registered: register again");
 }
 
-RegistrationResult Registrar::registered(const RegistrationRequest& request,
-                                         const Inputs& inputs) const {
+RegistrationResult Registrar::registered(const RegistrationRequest& request, const Inputs& inputs) {
   RegistrationHooks hooks;
   hooks.cancelled = [&] { return request.cancelled() || !volumes_.is_newest(*inputs.ct); };
   hooks.progress = [&](double fraction) { request.progress(fraction, "registering"); };
   const PreparedCt as_it_is(inputs.ct->volume);
+  const PreparedCt& ct = inputs.ct == prepared_of_ ? *prepared_ : as_it_is;
+  const Eigen::Isometry3d& T_us_ct = inputs.start.T_us_ct;
+  if (inputs.start.source != InitialAlignments::kAccepted) tracker_.forget();
   RegistrationResult result =
-      register_ultrasound(inputs.us->beams, inputs.ct == prepared_of_ ? *prepared_ : as_it_is,
-                          inputs.start.T_us_ct, inputs.chosen.options, hooks);
+      request.may_track && inputs.chosen.preset == own_.preset
+          ? tracker_.next(inputs.us->beams, ct, T_us_ct, hooks)
+          : register_ultrasound(inputs.us->beams, ct, T_us_ct, inputs.chosen.options, hooks);
   // This check comes first, because ultrasound that moved has a wrong initial pose as well.
   volumes_.require_still(*inputs.us, request.cancelled);
   require_newest(*inputs.ct);

@@ -15,6 +15,7 @@
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/registration/rough_pose.h"
+#include "us_ct_registration/registration/tracking.h"
 
 namespace usct::ros_interface {
 
@@ -32,6 +33,8 @@ struct RegistrationRequest {
   /// Register.action.
   std::function<bool()> cancelled;
   std::function<void(double fraction, const std::string& stage)> progress;
+  /// Whether an accepted pose may be tracked (RegistrationTracker).
+  bool may_track = false;
 };
 
 struct RegistrarOptions {
@@ -44,6 +47,8 @@ struct RegistrarOptions {
   bool allow_older_ultrasound = false;
   /// Whether to search over all poses, with the preset `global`, if there is no initial alignment.
   bool allow_global = false;
+  /// As TrackingOptions::full_every.
+  int full_every = TrackingOptions().full_every;
   /// Direction in which the probe looks at the initial pose of that search.
   ProbeDirection probe_direction;
 };
@@ -79,8 +84,7 @@ class Registrar {
   Chosen options_of(const RegistrationRequest& request) const;
   void collect(const RegistrationRequest& request, Inputs& inputs);
   void choose_start(const RegistrationRequest& request, Inputs& inputs) const;
-  usct::RegistrationResult registered(const RegistrationRequest& request,
-                                      const Inputs& inputs) const;
+  usct::RegistrationResult registered(const RegistrationRequest& request, const Inputs& inputs);
   void require_newest(const HeldCt& ct) const;
   void describe(const Inputs& inputs, us_ct_registration::RegistrationResult& result) const;
 
@@ -92,6 +96,7 @@ class Registrar {
   /// `prepared_` refers to the volume of `prepared_of_`; both are null, or none.
   std::shared_ptr<const HeldCt> prepared_of_;
   std::unique_ptr<const PreparedCt> prepared_;
+  RegistrationTracker tracker_;
 };
 
 }  // namespace usct::ros_interface

@@ -20,6 +20,7 @@ RegistrationQueue::Job RegistrationWorker::continuous_job() {
   continued_ = ready.number;
   auto job = std::make_shared<RegistrationJob>("continuous");
   job->request.us_stamp = ready.stamp;
+  job->request.may_track = true;
   return job;
 }
 

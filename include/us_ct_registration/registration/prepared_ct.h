@@ -41,6 +41,8 @@ class PreparedCt {
   PreparedCt& operator=(const PreparedCt&) = delete;
 
   const CtVolume& ct() const { return ct_; }
+  /// Another one for each object of a process.
+  std::uint64_t number() const { return number_; }
   /// Null if it was not prepared.
   const Volume<std::uint8_t>* find(const HuWindow& window,
                                    const std::vector<Eigen::Vector3i>& steps) const;
@@ -48,7 +50,10 @@ class PreparedCt {
   std::size_t bytes() const;
 
  private:
+  static std::uint64_t next_number();
+
   const CtVolume& ct_;
+  const std::uint64_t number_ = next_number();
   std::vector<Average> averages_;
 };
 

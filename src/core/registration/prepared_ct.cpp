@@ -1,6 +1,7 @@
 #include "us_ct_registration/registration/prepared_ct.h"
 
 #include <algorithm>
+#include <atomic>
 #include <numeric>
 
 #include "parallel.h"
@@ -77,6 +78,11 @@ PreparedCt::Average refinement_average(const CtVolume& ct, const AveragingSteps&
 }
 
 }  // namespace
+
+std::uint64_t PreparedCt::next_number() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
 
 PreparedCt::PreparedCt(const CtVolume& ct, const RegistrationOptions& options, const Check& check)
     : ct_(ct) {

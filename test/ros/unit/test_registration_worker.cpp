@@ -83,8 +83,12 @@ TEST(RegistrationWorker, ARequestCancelsAContinuousRegistration) {
   RegistrationWorker::Work work = named_results();
   work.newest = [] { return HeldVolumes::Ready{1, ::ros::Time(5.0)}; };
   work.run = [&, run = work.run](RegistrationJob& job) {
-    if (!job.is_background()) return run(job);
+    if (!job.is_background()) {
+      EXPECT_FALSE(job.request.may_track);
+      return run(job);
+    }
     EXPECT_EQ(job.request.us_stamp, ::ros::Time(5.0));
+    EXPECT_TRUE(job.request.may_track);
     begun.set_value();
     while (!job.request.cancelled()) std::this_thread::yield();
     cancelled.set_value();
