@@ -1,7 +1,9 @@
 #include <malloc.h>
 
+#include <chrono>
 #include <fstream>
 #include <map>
+#include <memory>
 
 #include "finish.h"
 #include "us_ct_registration/evaluation/perturbation.h"
@@ -47,9 +49,11 @@ void forget_peak_memory() {
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
+enum class Ct { kAsItIs, kPrepared };
+
 /// One registration per iteration, from a start 10 mm off, in another direction each time.
 void registration(benchmark::State& state, const char* preset_name, SceneKind scene,
-                  const Eigen::Vector3i& ct_size) {
+                  const Eigen::Vector3i& ct_size, Ct kind = Ct::kAsItIs) {
   constexpr double kDisplacementMm = 10.0;
   constexpr double kMaxRotationRad = 0.2;
   const PhantomCase& phantom = full_case(scene);
@@ -57,6 +61,10 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
   const RegistrationOptions options = preset(preset_name);
   const BeamUltrasound us = along_beams(phantom.ultrasound);
   const ThreadCount threads(static_cast<int>(state.range(0)));
+  const auto begin = std::chrono::steady_clock::now();
+  const auto prepared = kind == Ct::kPrepared ? std::make_unique<PreparedCt>(ct, options)
+                                              : std::make_unique<PreparedCt>(ct);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
   forget_peak_memory();
   std::map<std::string, double> seconds;
   double tre_mm = 0.0;
@@ -66,7 +74,7 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
     const Eigen::Isometry3d motion =
         random_motion(++seed, phantom.truth.targets_us_mm, kDisplacementMm, kMaxRotationRad);
     const RegistrationResult result =
-        register_ultrasound(us, ct, motion * phantom.truth.T_us_ct, options);
+        register_ultrasound(us, *prepared, motion * phantom.truth.T_us_ct, options);
     for (const auto& [stage, taken] : result.seconds) seconds[stage] += taken;
     if (!result.T_us_ct) continue;
     registered += 1.0;
@@ -74,6 +82,10 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
                   .mean_mm;
   }
   finish(state, static_cast<std::int64_t>(us.brightness.size()));
+  if (kind == Ct::kPrepared) {
+    state.counters["preparation_ms"] = took.count();
+    state.counters["prepared_MiB"] = static_cast<double>(prepared->bytes()) / (1 << 20);
+  }
   state.counters["registered"] = registered / static_cast<double>(seed);
   state.counters["tre_mm"] = tre_mm / registered;
   for (const auto& [stage, taken] : seconds)
@@ -101,6 +113,19 @@ BENCHMARK_CAPTURE(registration, patient, "patient", kPatient, kUsual)
     ->Unit(kMs)
     ->UseRealTime();
 BENCHMARK_CAPTURE(registration, phantom_large_ct, "phantom", kAgar, kLarge)
+    ->Arg(2)
+    ->Unit(kMs)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(registration, patient_prepared_ct, "patient", kPatient, kUsual, Ct::kPrepared)
+    ->Arg(2)
+    ->Unit(kMs)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(registration, patient_large_ct, "patient", kPatient, kLarge)
+    ->Arg(2)
+    ->Unit(kMs)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(registration, patient_large_prepared_ct, "patient", kPatient, kLarge,
+                  Ct::kPrepared)
     ->Arg(2)
     ->Unit(kMs)
     ->UseRealTime();

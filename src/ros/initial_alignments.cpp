@@ -98,7 +98,7 @@ std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);
   return in_ultrasound({accepted_->header.frame_id, T}, us,
-                       accepted_->state == msg::Alignment::RESTORED ? "restored" : "accepted");
+                       accepted_->state == msg::Alignment::RESTORED ? "restored" : kAccepted);
 }
 
 std::optional<InitialAlignment> InitialAlignments::choose(

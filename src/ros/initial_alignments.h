@@ -35,6 +35,9 @@ struct InitialAlignment {
 /// any thread.
 class InitialAlignments {
  public:
+  /// Source of the last accepted alignment.
+  static constexpr const char* kAccepted = "accepted";
+
   InitialAlignments(const FixedFrame& frame, std::optional<FramedAlignment> from_parameters);
 
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,

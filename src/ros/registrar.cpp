@@ -6,6 +6,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/registration_result.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
@@ -52,7 +53,8 @@ Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes,
       volumes_(volumes),
       alignments_(alignments),
       frame_(frame),
-      own_(parsed(options_.preset, options_.options, source)) {}
+      own_(parsed(options_.preset, options_.options, source)),
+      tracker_(own_.options, {options_.full_every}) {}
 
 Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string& options,
                                     const std::string& source) const {
@@ -112,6 +114,32 @@ void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs)
       kGlobalPreset};
 }
 
+bool Registrar::is_ct_unprepared() const {
+  const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
+  // While a newer CT waits for its conversion, there is nothing to do.
+  return ct != prepared_of_ && (!ct || volumes_.is_newest(*ct));
+}
+
+void Registrar::prepare_ct(const std::function<bool()>& cancelled) {
+  prepared_.reset();
+  prepared_of_.reset();
+  const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
+  if (!ct) return;
+  const auto check = [&] {
+    if (cancelled() || !volumes_.is_newest(*ct))
+      throw Refusal(Status::CANCELLED, "another CT or a request arrived");
+  };
+  try {
+    prepared_ = std::make_unique<const PreparedCt>(ct->volume, own_.options, check);
+  } catch (const Refusal&) {
+    return;
+  } catch (const std::exception& error) {
+    log_escaped("the preparation of a CT", error);
+    prepared_ = std::make_unique<const PreparedCt>(ct->volume);
+  }
+  prepared_of_ = ct;
+}
+
 void Registrar::require_newest(const HeldCt& ct) const {
   if (volumes_.is_newest(ct)) return;
   throw Refusal(Status::FAILED, "another CT arrived while CT revision " +
@@ -119,13 +147,18 @@ void Registrar::require_newest(const HeldCt& ct) const {
                                     " was being registered: register again");
 }
 
-RegistrationResult Registrar::registered(const RegistrationRequest& request,
-                                         const Inputs& inputs) const {
+RegistrationResult Registrar::registered(const RegistrationRequest& request, const Inputs& inputs) {
   RegistrationHooks hooks;
   hooks.cancelled = [&] { return request.cancelled() || !volumes_.is_newest(*inputs.ct); };
   hooks.progress = [&](double fraction) { request.progress(fraction, "registering"); };
-  RegistrationResult result = register_ultrasound(
-      inputs.us->beams, inputs.ct->volume, inputs.start.T_us_ct, inputs.chosen.options, hooks);
+  const PreparedCt as_it_is(inputs.ct->volume);
+  const PreparedCt& ct = inputs.ct == prepared_of_ ? *prepared_ : as_it_is;
+  const Eigen::Isometry3d& T_us_ct = inputs.start.T_us_ct;
+  if (inputs.start.source != InitialAlignments::kAccepted) tracker_.forget();
+  RegistrationResult result =
+      request.may_track && inputs.chosen.preset == own_.preset
+          ? tracker_.next(inputs.us->beams, ct, T_us_ct, hooks)
+          : register_ultrasound(inputs.us->beams, ct, T_us_ct, inputs.chosen.options, hooks);
   // This check comes first, because ultrasound that moved has a wrong initial pose as well.
   volumes_.require_still(*inputs.us, request.cancelled);
   require_newest(*inputs.ct);

@@ -5,14 +5,17 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "ros/held_volumes.h"
 #include "ros/initial_alignments.h"
+#include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/registration/rough_pose.h"
+#include "us_ct_registration/registration/tracking.h"
 
 namespace usct::ros_interface {
 
@@ -30,6 +33,8 @@ struct RegistrationRequest {
   /// Register.action.
   std::function<bool()> cancelled;
   std::function<void(double fraction, const std::string& stage)> progress;
+  /// Whether an accepted pose may be tracked (RegistrationTracker).
+  bool may_track = false;
 };
 
 struct RegistrarOptions {
@@ -42,17 +47,27 @@ struct RegistrarOptions {
   bool allow_older_ultrasound = false;
   /// Whether to search over all poses, with the preset `global`, if there is no initial alignment.
   bool allow_global = false;
+  /// As TrackingOptions::full_every.
+  int full_every = TrackingOptions().full_every;
   /// Direction in which the probe looks at the initial pose of that search.
   ProbeDirection probe_direction;
 };
 
 /// Turns a request into a result: collects the inputs, registers, and explains a refusal. It refers
-/// to volumes and alignments of other objects, which must outlive it.
+/// to volumes and alignments of other objects, which must outlive it. Its functions must be called
+/// from one thread.
 class Registrar {
  public:
   /// Throws InputError, naming `source`, if the options are invalid.
   Registrar(RegistrarOptions options, HeldVolumes& volumes, const InitialAlignments& alignments,
             const FixedFrame& frame, const std::string& source);
+
+  /// Whether the newest CT is held, or none is left, and `prepare_ct` has not noticed.
+  bool is_ct_unprepared() const;
+  /// Prepares the newest CT for registrations with the node's options, and forgets another one.
+  /// Registrations of a CT that is not prepared give the same results, later. `cancelled` ends the
+  /// preparation, as another CT does; the CT then stays unprepared. Never throws.
+  void prepare_ct(const std::function<bool()>& cancelled);
 
   /// Never throws; the result's `id` is the caller's.
   us_ct_registration::RegistrationResult run(const RegistrationRequest& request);
@@ -69,8 +84,7 @@ class Registrar {
   Chosen options_of(const RegistrationRequest& request) const;
   void collect(const RegistrationRequest& request, Inputs& inputs);
   void choose_start(const RegistrationRequest& request, Inputs& inputs) const;
-  usct::RegistrationResult registered(const RegistrationRequest& request,
-                                      const Inputs& inputs) const;
+  usct::RegistrationResult registered(const RegistrationRequest& request, const Inputs& inputs);
   void require_newest(const HeldCt& ct) const;
   void describe(const Inputs& inputs, us_ct_registration::RegistrationResult& result) const;
 
@@ -79,6 +93,10 @@ class Registrar {
   const InitialAlignments& alignments_;
   const FixedFrame& frame_;
   Chosen own_;
+  /// `prepared_` refers to the volume of `prepared_of_`; both are null, or none.
+  std::shared_ptr<const HeldCt> prepared_of_;
+  std::unique_ptr<const PreparedCt> prepared_;
+  RegistrationTracker tracker_;
 };
 
 }  // namespace usct::ros_interface

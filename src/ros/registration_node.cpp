@@ -76,6 +76,8 @@ RegistrationWorker::Work RegistrationNode::work() {
   RegistrationWorker::Work wired;
   wired.threads = parameters_.threads;
   if (parameters_.continuous) wired.newest = [this] { return volumes_.ready_ultrasound(); };
+  wired.is_ct_unprepared = [this] { return registrar_.is_ct_unprepared(); };
+  wired.prepare_ct = [this](RegistrationJob& job) { registrar_.prepare_ct(job.request.cancelled); };
   wired.run = [this](RegistrationJob& job) { return run(job); };
   return wired;
 }
@@ -201,10 +203,10 @@ RegistrationNode::Result RegistrationNode::run(RegistrationJob& job) {
 }
 
 void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
-  if (!job.is_continuous()) explain_nothing(job, result);
+  if (!job.is_background()) explain_nothing(job, result);
   // A request cancels a continuous registration, for whose result no caller waits.
-  if (!job.is_continuous() || result.status.code != Status::CANCELLED)
-    publish(result, job.is_continuous());
+  if (!job.is_background() || result.status.code != Status::CANCELLED)
+    publish(result, job.is_background());
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {

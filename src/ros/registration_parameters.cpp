@@ -14,6 +14,7 @@ constexpr double kRadPerDeg = 0.017453292519943295;
 /// A day: longer times could not be added to a stamp.
 constexpr double kLongestS = 86400.0;
 constexpr double kLongestSweepS = 60.0;
+constexpr int kMostTracked = 1000;
 
 void read_frame(Parameters& parameters, FixedFrameOptions& frame) {
   frame.frame = parameters.frame("fixed_frame", frame.frame);
@@ -69,6 +70,8 @@ void read_registrar(Parameters& parameters, const ::ros::NodeHandle& node,
   const int seed = parameters.whole("seed", -1, -1);
   if (seed >= 0) registrar.seed = static_cast<std::uint32_t>(seed);
   registrar.allow_older_ultrasound = parameters.flag("allow_older_ultrasound", false);
+  registrar.full_every =
+      parameters.whole("full_registration_every", registrar.full_every, 1, kMostTracked);
   registrar.allow_global = parameters.flag("allow_global", false);
   registrar.probe_direction = read_probe_direction(parameters, node);
 }

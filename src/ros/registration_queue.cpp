@@ -12,7 +12,7 @@ std::optional<std::string> RegistrationQueue::reserve(const std::string& name) {
   if (stopping_) return "the node is shutting down";
   if (!reserved_.empty()) return "one registration at a time; this one runs: " + reserved_;
   reserved_ = name;
-  if (running_ && running_->is_continuous()) running_->cancelled = true;
+  if (running_ && running_->is_background()) running_->cancelled = true;
   return std::nullopt;
 }
 
@@ -33,7 +33,7 @@ void RegistrationQueue::cancel(const std::string& goal_id) {
 std::optional<std::string> RegistrationQueue::cancel_request() {
   const std::lock_guard<std::mutex> lock(mutex_);
   for (const Job& job : {pending_, running_})
-    if (job && !job->is_continuous()) {
+    if (job && !job->is_background()) {
       job->cancelled = true;
       return job->name;
     }
@@ -61,12 +61,12 @@ void RegistrationQueue::wake() {
   wake_.notify_all();
 }
 
-RegistrationQueue::Job RegistrationQueue::next(const std::function<Job()>& continuous) {
+RegistrationQueue::Job RegistrationQueue::next(const std::function<Job()>& background) {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopping_ || !reserved_.empty()) {
     Job job = std::move(pending_);
     pending_.reset();
-    if (!job && reserved_.empty()) job = continuous();
+    if (!job && reserved_.empty()) job = background();
     if (job) {
       running_ = job;
       if (stopping_) job->cancelled = true;
@@ -80,7 +80,7 @@ RegistrationQueue::Job RegistrationQueue::next(const std::function<Job()>& conti
 void RegistrationQueue::finished(const RegistrationJob& job) {
   const std::lock_guard<std::mutex> lock(mutex_);
   running_.reset();
-  if (!job.is_continuous()) reserved_.clear();
+  if (!job.is_background()) reserved_.clear();
 }
 
 std::string RegistrationQueue::running() const {

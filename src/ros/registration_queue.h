@@ -14,7 +14,7 @@
 
 namespace usct::ros_interface {
 
-/// A registration to be run.
+/// A registration to be run, or the preparation of a CT for registrations.
 struct RegistrationJob {
   explicit RegistrationJob(const std::string& asked_by);
   RegistrationJob(const RegistrationJob&) = delete;
@@ -25,11 +25,15 @@ struct RegistrationJob {
   /// Its `cancelled` reads the flag below.
   RegistrationRequest request;
   std::atomic<bool> cancelled{false};
-  /// Receives the result. Empty for a continuous registration, for which no caller waits.
+  /// Whether the CT is prepared, and nothing registered.
+  bool prepares_ct = false;
+  /// Receives the result. Empty for preparations and continuous registrations, for which no caller
+  /// waits.
   std::function<void(const us_ct_registration::RegistrationResult&)> done;
   std::string goal_id;
 
-  bool is_continuous() const { return !done; }
+  /// Such a job gives way to requests.
+  bool is_background() const { return !done; }
 };
 
 /// Hands registrations from the callbacks that ask for them to the thread that runs them. There is
@@ -39,7 +43,7 @@ class RegistrationQueue {
  public:
   using Job = std::shared_ptr<RegistrationJob>;
 
-  /// Reserves the place for the request `name` and cancels a continuous registration that runs. If
+  /// Reserves the place for the request `name` and cancels the background job that runs, if any. If
   /// the place is taken, or after `stop`, returns the reason in words.
   std::optional<std::string> reserve(const std::string& name);
   /// Fills the place that the caller has reserved. Each caller that reserves must call this,
@@ -54,16 +58,16 @@ class RegistrationQueue {
   /// is still handed out, cancelled, so that it is answered.
   void stop();
   bool is_stopping() const;
-  /// Makes `next` ask for a continuous registration again.
+  /// Makes `next` ask for a background job again.
   void wake();
 
-  /// Waits for the next registration, which runs from then on: the request that fills the place or,
-  /// while the place is free, the job that `continuous` returns (null: none). Returns null once the
-  /// queue is stopped and all requests are answered.
-  Job next(const std::function<Job()>& continuous);
-  /// Must be called when the registration has ended; frees its place.
+  /// Waits for the next job, which runs from then on: the request that fills the place or, while
+  /// the place is free, the job that `background` returns (null: none). Returns null once the queue
+  /// is stopped and all requests are answered.
+  Job next(const std::function<Job()>& background);
+  /// Must be called when the job has ended; frees its place.
   void finished(const RegistrationJob& job);
-  /// Name of the running registration; empty: none.
+  /// Name of the running job; empty: none.
   std::string running() const;
 
  private:

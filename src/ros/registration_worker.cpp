@@ -20,12 +20,25 @@ RegistrationQueue::Job RegistrationWorker::continuous_job() {
   continued_ = ready.number;
   auto job = std::make_shared<RegistrationJob>("continuous");
   job->request.us_stamp = ready.stamp;
+  job->request.may_track = true;
+  return job;
+}
+
+RegistrationQueue::Job RegistrationWorker::background_job() {
+  if (!work_.is_ct_unprepared || !work_.is_ct_unprepared()) return continuous_job();
+  auto job = std::make_shared<RegistrationJob>("preparation of the CT");
+  job->prepares_ct = true;
   return job;
 }
 
 void RegistrationWorker::loop() {
   const ThreadCount of_loops(work_.threads > 0 ? work_.threads : processor_count());
-  while (const RegistrationQueue::Job job = queue_.next([this] { return continuous_job(); })) {
+  while (const RegistrationQueue::Job job = queue_.next([this] { return background_job(); })) {
+    if (job->prepares_ct) {
+      work_.prepare_ct(*job);
+      queue_.finished(*job);
+      continue;
+    }
     const us_ct_registration::RegistrationResult result = work_.run(*job);
     // The place is freed before the answer is sent, because the caller may ask again at once.
     queue_.finished(*job);

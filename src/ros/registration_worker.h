@@ -12,6 +12,7 @@
 namespace usct::ros_interface {
 
 /// The thread that registers: it takes registrations from a queue and runs them one at a time.
+/// While no request waits, it prepares a new CT, so that the first request does not wait for that.
 class RegistrationWorker {
  public:
   struct Work {
@@ -20,6 +21,10 @@ class RegistrationWorker {
     /// Returns the newest ultrasound. Each is registered once while no request waits; if the
     /// function is empty, only requests are registered.
     std::function<HeldVolumes::Ready()> newest;
+    /// Whether a CT waits to be prepared, and what prepares it; the latter may end early if the job
+    /// is cancelled. Both may be empty, and must not throw.
+    std::function<bool()> is_ct_unprepared;
+    std::function<void(RegistrationJob&)> prepare_ct;
     /// Runs one registration. Must not throw.
     std::function<us_ct_registration::RegistrationResult(RegistrationJob&)> run;
   };
@@ -34,6 +39,7 @@ class RegistrationWorker {
 
  private:
   void loop();
+  RegistrationQueue::Job background_job();
   RegistrationQueue::Job continuous_job();
 
   RegistrationQueue& queue_;

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <functional>
 
+#include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/volume/volume.h"
@@ -33,8 +34,9 @@ struct RegistrationHooks {
 /// InputError for invalid options, a CT or beams that are malformed or of another kind than the
 /// options are for, and an initial pose that is not rigid.
 ///
-/// The result has the same bits for the same input, options and seed, with any number of threads.
-RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const CtVolume& ct,
+/// Whoever registers a CT often prepares it once, and passes the PreparedCt in place of the CT. The
+/// result has the same bits for the same input, options and seed, with any number of threads.
+RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const PreparedCt& ct,
                                        const Eigen::Isometry3d& T_us_ct_initial,
                                        const RegistrationOptions& options,
                                        const RegistrationHooks& hooks = {});

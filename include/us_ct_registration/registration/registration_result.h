@@ -54,7 +54,8 @@ struct RegistrationResult {
   /// The measures that the gates judged, and the errors that the refinement estimated.
   Measures measures;
   int evaluations = 0;
-  /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`.
+  /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`; `tracking` if
+  /// that was tried (RegistrationTracker).
   std::map<std::string, double> seconds;
   /// The options of the run, as text.
   std::map<std::string, std::string> options;

@@ -20,6 +20,12 @@ struct Region {
 /// The region that covers the whole grid.
 Region whole(const Grid& grid);
 
+/// The grid of a region's voxels. Throws InputError if the region is empty or not within the grid.
+Grid region_grid(const Grid& grid, const Region& region);
+
+/// The grid of what `shrink` makes of a region. Throws InputError as `shrink`.
+Grid shrunk_grid(const Grid& grid, const Eigen::Vector3i& factors, const Region& region);
+
 /// The smallest region of `grid` that holds all the points (physical, mm) with `margin_mm` around
 /// them, clipped to the grid. Its size is zero if the points and their margin lie outside the grid.
 Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& points_mm,

@@ -39,6 +39,9 @@ class Assessor {
            const SearchProblem& problem, const RegistrationOptions& options)
       : ultrasound_(ultrasound), ct_(ct), images_(images), problem_(problem), options_(options) {}
 
+  /// Decoys that `compare` found, and decoys that it shall compare with in place of a search.
+  const std::optional<std::vector<Decoy>>& decoys() const { return decoys_; }
+  void take_over(std::vector<Decoy> decoys) { decoys_ = std::move(decoys); }
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
   /// its rivals. Evidence is gathered only if a gate asks for it; that of other images is left to
   /// `assess`.

@@ -11,8 +11,13 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// The search of a decoy: as many starts, fewer climbs at the deciding level, and all climbs end
-/// sooner, since only the height of the best optimum counts.
+/// Where the starts turn this far, a half turn is a pose like others and no decoy.
+bool reaches_half_turn(const SearchOptions& search) {
+  return search.starts && search.starts->rotation_rad > 0.5 * kPi;
+}
+
+}  // namespace
+
 SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
   SearchOptions decoy = search;
   for (LevelOptions& level : decoy.levels) {
@@ -25,13 +30,6 @@ SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& opti
   deciding.optimised = std::min(deciding.optimised, options.optimised);
   return decoy;
 }
-
-/// Where the starts turn this far, a half turn is a pose like others and no decoy.
-bool reaches_half_turn(const SearchOptions& search) {
-  return search.starts && search.starts->rotation_rad > 0.5 * kPi;
-}
-
-}  // namespace
 
 Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centre_us_mm) {
   const FieldAxes axes = field_axes(beams);

@@ -51,6 +51,10 @@ struct Decoy {
   Candidate best;
 };
 
+/// The search of a decoy: as many starts, fewer climbs at the deciding level, and all climbs end
+/// sooner, since only the height of the best optimum counts.
+SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options);
+
 /// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
 /// was found for it too. Decoys without any value are left out.
 std::vector<Decoy> search_decoys(const SearchProblem& problem,

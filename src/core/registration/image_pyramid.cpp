@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "registration/ct_averages.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
 #include "us_ct_registration/ultrasound/decimation.h"
@@ -63,17 +64,6 @@ bool needs_beams(const RegistrationOptions& options) {
                          along(refinement->similarity)));
 }
 
-/// Numbers of voxels whose mean has about the spacing; at least two voxels remain along each axis.
-Vector3i factors_to(const std::optional<double>& spacing_mm, const Grid& grid,
-                    const Vector3i& available) {
-  Vector3i factors = Vector3i::Ones();
-  if (!spacing_mm) return factors;
-  for (int axis = 0; axis < 3; ++axis)
-    factors[axis] = std::clamp(static_cast<int>(std::lround(*spacing_mm / grid.spacing_mm[axis])),
-                               1, std::max(1, available[axis] / 2));
-  return factors;
-}
-
 std::shared_ptr<const BeamUltrasound> averaged(const std::shared_ptr<const BeamUltrasound>& us,
                                                const std::optional<double>& spacing_mm) {
   if (!spacing_mm) return us;
@@ -82,22 +72,17 @@ std::shared_ptr<const BeamUltrasound> averaged(const std::shared_ptr<const BeamU
   return std::make_shared<const BeamUltrasound>(decimate(*us, factors));
 }
 
-Volume<float> averaged_ct(const CtInReach& in_reach, const std::optional<double>& spacing_mm) {
-  return shrink(in_reach.ct, factors_to(spacing_mm, in_reach.ct.grid, in_reach.region.size),
-                in_reach.region);
-}
-
-/// `ct` is averaged to the spacing of the level; it is empty if the similarity uses the recorded
-/// CT.
+/// `packed` is null if the similarity uses the recorded CT.
 std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
                                             const PreparedUltrasound& prepared,
-                                            const CtInReach& in_reach, const Volume<float>& ct,
+                                            const CtInReach& in_reach,
+                                            std::shared_ptr<const PackedCt> packed,
                                             const RegistrationOptions& options) {
-  const bool recorded = needs_recorded_ct(level);
   return std::make_shared<SimilarityImages>(
-      averaged(prepared.us, level.spacing_mm),
-      recorded ? nullptr : pack_ct(ct, options.window, options.outside_hu),
-      recorded ? std::make_shared<const CtVolume>(crop(in_reach.ct, in_reach.region)) : nullptr,
+      averaged(prepared.us, level.spacing_mm), std::move(packed),
+      needs_recorded_ct(level)
+          ? std::make_shared<const CtVolume>(crop(in_reach.ct, in_reach.region))
+          : nullptr,
       needs_beams(options));
 }
 
@@ -198,24 +183,6 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
   return {ct, region_around(ct.grid, points, margin_mm)};
 }
 
-std::vector<Volume<float>> averaged_cts(const CtInReach& in_reach,
-                                        const std::vector<LevelOptions>& levels,
-                                        const Check& check) {
-  std::vector<Volume<float>> cts(levels.size());
-  const Volume<float>* finer = nullptr;
-  for (std::size_t i = levels.size(); i-- > 0;) {
-    if (needs_recorded_ct(levels[i])) continue;
-    if (check) check();
-    const std::optional<double>& spacing_mm = levels[i].spacing_mm;
-    cts[i] = finer == nullptr
-                 ? averaged_ct(in_reach, spacing_mm)
-                 : shrink(*finer, factors_to(spacing_mm, finer->grid, finer->grid.size),
-                          whole(finer->grid));
-    finer = &cts[i];
-  }
-  return cts;
-}
-
 std::vector<const Similarity*> ImagePyramid::similarities() const {
   std::vector<const Similarity*> all;
   all.reserve(levels.size());
@@ -223,10 +190,10 @@ std::vector<const Similarity*> ImagePyramid::similarities() const {
   return all;
 }
 
-Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& ct,
+Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const PreparedCt& ct,
                               const Eigen::Isometry3d& T_us_ct_initial,
                               const RegistrationOptions& options, Run& run) {
-  require_valid(ultrasound, ct, T_us_ct_initial, options);
+  require_valid(ultrasound, ct.ct(), T_us_ct_initial, options);
   if (std::optional<Refusal> refusal = hopeless(T_us_ct_initial, options)) return *refusal;
   PreparedUltrasound prepared =
       run.timed("ultrasound", [&] { return prepare_ultrasound(ultrasound, options, run.check()); });
@@ -237,13 +204,14 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& 
 
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
     ImagePyramid pyramid{std::move(prepared),
-                         ct_in_reach(ct, ultrasound.beams, T_us_ct_initial, options.search),
+                         ct_in_reach(ct.ct(), ultrasound.beams, T_us_ct_initial, options.search),
                          {}};
     if (pyramid.in_reach.region.size.minCoeff() < kLeastVoxels)
       return Refusal{RegistrationStatus::kNoOverlap,
                      "the CT lies nowhere near the ultrasound at the initial pose"};
     const std::vector<LevelOptions>& levels = options.search.levels;
-    const std::vector<Volume<float>> cts = averaged_cts(pyramid.in_reach, levels, run.check());
+    const std::vector<std::shared_ptr<const PackedCt>> cts = packed_cts(
+        ct, pyramid.in_reach.region, steps_of(levels, ct.ct().grid), options, run.check());
     for (std::size_t i = 0; i < levels.size(); ++i) {
       run.check_cancelled();
       Outcome<Level> level =
@@ -256,23 +224,24 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& 
   });
 }
 
-Outcome<Level> refinement_level(const ImagePyramid& images, const CtVolume& ct,
+Outcome<Level> refinement_level(const ImagePyramid& images, const PreparedCt& ct,
                                 const Eigen::Isometry3d& T_us_ct,
                                 const RegistrationOptions& options) {
   const RefinementOptions& refinement = *options.refinement;
   if (same_images(refinement, options.search.levels.back()))
     return level_on(images.levels.back().images, refinement.similarity);
   // A similarity that simulates ultrasound needs the whole beam, from the probe to the sample.
-  const bool recorded = needs_recorded_ct(refinement);
+  if (needs_recorded_ct(refinement))
+    return level_on(images_of(refinement, images.prepared, images.in_reach, nullptr, options),
+                    refinement.similarity);
   const double margin_mm = std::min(refinement.ct_margin_mm, refinement.reach_mm);
-  const CtInReach near =
-      recorded ? images.in_reach : ct_around(ct, images.prepared, T_us_ct, margin_mm);
+  const CtInReach near = ct_around(ct.ct(), images.prepared, T_us_ct, margin_mm);
   if (near.region.size.minCoeff() < kLeastVoxels)
     return Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
-  return level_on(
-      images_of(refinement, images.prepared, near,
-                recorded ? Volume<float>{} : averaged_ct(near, refinement.spacing_mm), options),
-      refinement.similarity);
+  const AveragingSteps steps = steps_to(refinement.spacing_mm, ct.ct().grid);
+  return level_on(images_of(refinement, images.prepared, near,
+                            packed_cts(ct, near.region, {steps}, options).front(), options),
+                  refinement.similarity);
 }
 
 }  // namespace usct::registration

@@ -6,6 +6,7 @@
 
 #include "registration/candidates.h"
 #include "registration/outcome.h"
+#include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/similarity/similarity_images.h"
 #include "us_ct_registration/volume/operations.h"
 
@@ -38,12 +39,6 @@ CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
 CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
                     const Eigen::Isometry3d& T_us_ct, double margin_mm);
 
-/// The CT averaged to the spacing of each level, coarse levels from fine ones. Empty for levels
-/// whose similarity uses the recorded CT.
-std::vector<Volume<float>> averaged_cts(const CtInReach& in_reach,
-                                        const std::vector<LevelOptions>& levels,
-                                        const Check& check = {});
-
 /// A similarity on images of one resolution.
 struct Level {
   std::shared_ptr<SimilarityImages> images;
@@ -64,13 +59,13 @@ struct ImagePyramid {
 /// that is nowhere near it, an initial pose that is not finite, and options that allow no
 /// evaluation. Throws InputError for images and options that are malformed, and for an initial pose
 /// that is not rigid.
-Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const CtVolume& ct,
+Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const PreparedCt& ct,
                               const Eigen::Isometry3d& T_us_ct_initial,
                               const RegistrationOptions& options, Run& run);
 
 /// The level of the refinement, on the CT around a pose. It uses the images of the deciding level
 /// if they have the same spacing. Refuses a CT that does not overlap.
-Outcome<Level> refinement_level(const ImagePyramid& images, const CtVolume& ct,
+Outcome<Level> refinement_level(const ImagePyramid& images, const PreparedCt& ct,
                                 const Eigen::Isometry3d& T_us_ct,
                                 const RegistrationOptions& options);
 

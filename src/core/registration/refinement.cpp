@@ -2,8 +2,8 @@
 
 namespace usct::registration {
 
-Outcome<Candidate> refine(const ImagePyramid& images, const CtVolume& ct, const Candidate& optimum,
-                          const RegistrationOptions& options, Run& run) {
+Outcome<Candidate> refine(const ImagePyramid& images, const PreparedCt& ct,
+                          const Candidate& optimum, const RegistrationOptions& options, Run& run) {
   if (!options.refinement) return optimum;
   const RefinementOptions& refinement = *options.refinement;
   Outcome<Level> level =

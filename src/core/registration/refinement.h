@@ -8,7 +8,7 @@ namespace usct::registration {
 /// Climbs from an optimum of the search on finer images around it, as RefinementOptions say.
 /// Without a refinement the optimum itself is returned. Refuses if CT and ultrasound do not
 /// overlap.
-Outcome<Candidate> refine(const ImagePyramid& images, const CtVolume& ct, const Candidate& optimum,
-                          const RegistrationOptions& options, Run& run);
+Outcome<Candidate> refine(const ImagePyramid& images, const PreparedCt& ct,
+                          const Candidate& optimum, const RegistrationOptions& options, Run& run);
 
 }  // namespace usct::registration

@@ -8,35 +8,23 @@
 #include "similarity/packed_gradient.h"
 
 namespace usct {
-namespace {
 
-/// One row of the CT in bytes, on the scale of the window.
-class RowBytes {
- public:
-  RowBytes(const Volume<float>& ct_hu, const HuWindow& window, double step_hu)
-      : ct_hu_(ct_hu),
-        low_(static_cast<float>(window.low_hu)),
-        scale_(static_cast<float>(1.0 / step_hu)) {}
+BytesOfCt::BytesOfCt(const HuWindow& window) {
+  window.validate("CT window");
+  low_ = static_cast<float>(window.low_hu);
+  scale_ = static_cast<float>(1.0 / ((window.high_hu - window.low_hu) / kLargestByte));
+}
 
-  void operator()(int j, int k, std::vector<std::uint8_t>& bytes) const {
-    const float* row = &ct_hu_.at(0, j, k);
-    for (std::size_t i = 0; i < bytes.size(); ++i) {
-      const float level = (row[i] - low_) * scale_ + 0.5F;
-      bytes[i] = static_cast<std::uint8_t>(
-          static_cast<std::int32_t>(std::min(std::max(level, 0.5F), kLargestByte + 0.5F)));
-    }
+void BytesOfCt::operator()(const float* hu, std::size_t count, std::uint8_t* bytes) const {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float level = (hu[i] - low_) * scale_ + 0.5F;
+    bytes[i] = static_cast<std::uint8_t>(
+        static_cast<std::int32_t>(std::min(std::max(level, 0.5F), kLargestByte + 0.5F)));
   }
+}
 
- private:
-  const Volume<float>& ct_hu_;
-  float low_;
-  float scale_;
-};
-
-}  // namespace
-
-PackedCt::PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu)
-    : grid_(ct_hu.grid) {
+PackedCt::PackedCt(Grid grid, const HuWindow& window, double background_hu)
+    : grid_(std::move(grid)) {
   grid_.validate("CT");
   window.validate("CT window");
   require(grid_.size.minCoeff() >= 2, "CT", "size", grid_.size.minCoeff(), ">= 2 along each axis");
@@ -44,11 +32,30 @@ PackedCt::PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double ba
           background_hu, "within the window");
   step_hu_ = (window.high_hu - window.low_hu) / kLargestByte;
   background_ = (background_hu - window.low_hu) / step_hu_;
-
-  const RowBytes row_bytes(ct_hu, window, step_hu_);
   stride_j_ = static_cast<std::size_t>(grid_.size.x());
   stride_k_ = stride_j_ * static_cast<std::size_t>(grid_.size.y() - 1);
   pairs_.resize(stride_k_ * static_cast<std::size_t>(grid_.size.z()));
+}
+
+PackedCt::PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu)
+    : PackedCt(ct_hu.grid, window, background_hu) {
+  const BytesOfCt bytes_of(window);
+  pack([&](int j, int k, std::vector<std::uint8_t>& bytes) {
+    bytes_of(&ct_hu.at(0, j, k), bytes.size(), bytes.data());
+  });
+}
+
+PackedCt::PackedCt(const Volume<std::uint8_t>& volume, const Region& region, const HuWindow& window,
+                   double background_hu)
+    : PackedCt(region_grid(volume.grid, region), window, background_hu) {
+  const Eigen::Vector3i& begin = region.begin;
+  pack([&](int j, int k, std::vector<std::uint8_t>& bytes) {
+    std::copy_n(&volume.at(begin.x(), begin.y() + j, begin.z() + k), bytes.size(), bytes.data());
+  });
+}
+
+template <typename RowBytes>
+void PackedCt::pack(const RowBytes& row_bytes) {
   parallel_for(grid_.size.z(), [&](int k) {
     std::uint16_t* out = pairs_.data() + static_cast<std::size_t>(k) * stride_k_;
     std::vector<std::uint8_t> here(stride_j_);

@@ -7,6 +7,7 @@
 
 #include "similarity/large_pages.h"
 #include "us_ct_registration/volume/hu_window.h"
+#include "us_ct_registration/volume/operations.h"
 #include "us_ct_registration/volume/volume.h"
 
 namespace usct {
@@ -24,6 +25,18 @@ struct PackedGradient {
   double step_per_mm = 0.0;
 };
 
+/// CT values in bytes: limited to a window, and rounded to a 255th of it.
+class BytesOfCt {
+ public:
+  /// Throws InputError if the window is invalid.
+  explicit BytesOfCt(const HuWindow& window);
+  void operator()(const float* hu, std::size_t count, std::uint8_t* bytes) const;
+
+ private:
+  float low_;
+  float scale_;
+};
+
 /// A CT made for fast trilinear sampling: 8 bits per voxel over a window of CT values. Each voxel
 /// is stored with its neighbour along j, so that two loads of 32 bits fetch the eight voxels of a
 /// cell, for value and gradient. Words with more neighbours would take fewer loads, but the CT
@@ -34,6 +47,10 @@ class PackedCt {
   /// value outside the CT. Throws InputError if the grid is invalid or smaller than 2 voxels along
   /// an axis, or if the window is invalid, or the background lies outside it.
   PackedCt(const Volume<float>& ct_hu, const HuWindow& window, double background_hu);
+  /// A region of a CT that is in bytes on the scale of the window already. Throws InputError for an
+  /// invalid region too.
+  PackedCt(const Volume<std::uint8_t>& bytes, const Region& region, const HuWindow& window,
+           double background_hu);
 
   /// The grid of the voxels.
   const Grid& grid() const { return grid_; }
@@ -55,6 +72,11 @@ class PackedCt {
   const PackedGradient& gradient() const;
 
  private:
+  PackedCt(Grid grid, const HuWindow& window, double background_hu);
+  /// `row_bytes(j, k, bytes)` gives a row of voxels.
+  template <typename RowBytes>
+  void pack(const RowBytes& row_bytes);
+
   Grid grid_;
   std::size_t stride_j_ = 0;
   std::size_t stride_k_ = 0;

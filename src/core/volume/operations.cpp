@@ -37,16 +37,34 @@ void require_within(const Region& region, const Grid& grid) {
   }
 }
 
-Grid grid_of_region(const Grid& grid, const Region& region) {
+}  // namespace
+
+Region whole(const Grid& grid) { return {Eigen::Vector3i::Zero(), grid.size}; }
+
+Grid region_grid(const Grid& grid, const Region& region) {
+  require_within(region, grid);
   Grid result = grid;
   result.size = region.size;
   result.origin_mm = grid.physical_from_index(region.begin.cast<double>());
   return result;
 }
 
-}  // namespace
-
-Region whole(const Grid& grid) { return {Eigen::Vector3i::Zero(), grid.size}; }
+Grid shrunk_grid(const Grid& grid, const Eigen::Vector3i& factors, const Region& region) {
+  require_within(region, grid);
+  for (int axis = 0; axis < 3; ++axis)
+    if (factors[axis] < 1 || factors[axis] > region.size[axis])
+      throw InputError("shrink", "factor is " + std::to_string(factors[axis]) +
+                                     ", must be from 1 to " + std::to_string(region.size[axis]) +
+                                     ", the size of the region along that axis");
+  Grid result;
+  result.direction = grid.direction;
+  result.size = region.size.cwiseQuotient(factors);
+  result.spacing_mm = grid.spacing_mm.cwiseProduct(factors.cast<double>());
+  // Index of the centre of the first block.
+  const Eigen::Vector3d centre = 0.5 * (factors.cast<double>() - Eigen::Vector3d::Ones());
+  result.origin_mm = grid.physical_from_index(region.begin.cast<double>() + centre);
+  return result;
+}
 
 Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& points_mm,
                      double margin_mm) {
@@ -71,8 +89,7 @@ Region region_around(const Grid& grid, const std::vector<Eigen::Vector3d>& point
 
 template <typename T>
 Volume<T> crop(const Volume<T>& volume, const Region& region) {
-  require_within(region, volume.grid);
-  Volume<T> result(grid_of_region(volume.grid, region));
+  Volume<T> result(region_grid(volume.grid, region));
   parallel_for(region.size.z(), [&](int k) {
     for (int j = 0; j < region.size.y(); ++j) {
       const T* row = &volume.at(region.begin.x(), region.begin.y() + j, region.begin.z() + k);
@@ -120,7 +137,7 @@ Volume<float> smooth_gaussian(const Volume<T>& volume, const Eigen::Vector3d& si
         gaussian_filter(sigma / volume.grid.spacing_mm[axis], 1);
   }
   Volume<float> result;
-  result.grid = grid_of_region(volume.grid, region);
+  result.grid = region_grid(volume.grid, region);
   result.voxels = apply_separable(volume, filters, region.begin, region.size);
   return result;
 }
@@ -128,24 +145,12 @@ Volume<float> smooth_gaussian(const Volume<T>& volume, const Eigen::Vector3d& si
 template <typename T>
 Volume<float> shrink(const Volume<T>& volume, const Eigen::Vector3i& factors,
                      const Region& region) {
-  require_within(region, volume.grid);
-  std::array<AxisFilter, 3> filters;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int factor = factors[axis];
-    if (factor < 1 || factor > region.size[axis])
-      throw InputError("shrink", "factor is " + std::to_string(factor) + ", must be from 1 to " +
-                                     std::to_string(region.size[axis]) +
-                                     ", the size of the region along that axis");
-    filters[static_cast<std::size_t>(axis)] =
-        gaussian_filter(factor == 1 ? 0.0 : 0.5 * factor, factor);
-  }
   Volume<float> result;
-  result.grid.direction = volume.grid.direction;
-  result.grid.size = region.size.cwiseQuotient(factors);
-  result.grid.spacing_mm = volume.grid.spacing_mm.cwiseProduct(factors.cast<double>());
-  // Index of the centre of the first block.
-  const Eigen::Vector3d centre = 0.5 * (factors.cast<double>() - Eigen::Vector3d::Ones());
-  result.grid.origin_mm = volume.grid.physical_from_index(region.begin.cast<double>() + centre);
+  result.grid = shrunk_grid(volume.grid, factors, region);
+  std::array<AxisFilter, 3> filters;
+  for (int axis = 0; axis < 3; ++axis)
+    filters[static_cast<std::size_t>(axis)] =
+        gaussian_filter(factors[axis] == 1 ? 0.0 : 0.5 * factors[axis], factors[axis]);
   result.voxels = apply_separable(volume, filters, region.begin, result.grid.size);
   return result;
 }

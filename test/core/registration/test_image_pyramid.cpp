@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/registration/registration_cases.h"
+#include "registration/ct_averages.h"
 #include "registration/image_pyramid.h"
 #include "us_ct_registration/error.h"
 
@@ -17,8 +18,10 @@ TEST(ImagePyramid, SimilaritiesThatShareImagesAreThoseOfTheirOwnOptions) {
   const LevelOptions& level = options.search.levels[1];
   const CtInReach reach =
       registration::ct_in_reach(images.ct, prepared.us->beams, images.T_us_ct_true, options.search);
-  const Volume<float> ct = registration::averaged_cts(reach, {level}).front();
-  const auto packed = pack_ct(ct, options.window, options.outside_hu);
+  const auto packed =
+      registration::packed_cts(images.ct, reach.region,
+                               registration::steps_of({level}, images.ct.grid), options)
+          .front();
 
   const auto& own = std::get<JointCorrelationRatioOptions>(level.similarity);
   LocalLc2Options other_metric;  // another metric in the same patches

@@ -83,8 +83,12 @@ TEST(RegistrationWorker, ARequestCancelsAContinuousRegistration) {
   RegistrationWorker::Work work = named_results();
   work.newest = [] { return HeldVolumes::Ready{1, ::ros::Time(5.0)}; };
   work.run = [&, run = work.run](RegistrationJob& job) {
-    if (!job.is_continuous()) return run(job);
+    if (!job.is_background()) {
+      EXPECT_FALSE(job.request.may_track);
+      return run(job);
+    }
     EXPECT_EQ(job.request.us_stamp, ::ros::Time(5.0));
+    EXPECT_TRUE(job.request.may_track);
     begun.set_value();
     while (!job.request.cancelled()) std::this_thread::yield();
     cancelled.set_value();
@@ -95,6 +99,46 @@ TEST(RegistrationWorker, ARequestCancelsAContinuousRegistration) {
   ASSERT_FALSE(queue.reserve("request"));
   cancelled.get_future().wait();
   EXPECT_EQ(put(queue, "request").get().preset, "request");
+}
+
+TEST(RegistrationWorker, PreparesTheCtBeforeItRegistersContinuously) {
+  RegistrationQueue queue;
+  std::promise<bool> was_prepared;
+  std::atomic<bool> prepared{false};
+  RegistrationWorker::Work work = named_results();
+  work.newest = [] { return HeldVolumes::Ready{1, ::ros::Time(5.0)}; };
+  work.is_ct_unprepared = [&] { return !prepared; };
+  work.prepare_ct = [&](RegistrationJob&) { prepared = true; };
+  work.run = [&](RegistrationJob&) {
+    was_prepared.set_value(prepared);
+    return Result();
+  };
+  const RegistrationWorker worker(queue, work);
+  EXPECT_TRUE(was_prepared.get_future().get());
+}
+
+TEST(RegistrationWorker, ARequestDoesNotWaitForThePreparationOfTheCt) {
+  RegistrationQueue queue;
+  std::atomic<int> begun{0};
+  std::atomic<bool> prepared{false};
+  std::promise<void> done;
+  RegistrationWorker::Work work = named_results();
+  work.is_ct_unprepared = [&] { return !prepared; };
+  // The first time it lasts until it is cancelled.
+  work.prepare_ct = [&](RegistrationJob& job) {
+    if (++begun == 1) {
+      while (!job.request.cancelled()) std::this_thread::yield();
+      return;
+    }
+    prepared = true;
+    done.set_value();
+  };
+  const RegistrationWorker worker(queue, work);
+  wait_for(begun, 1);
+  EXPECT_EQ(queue.running(), "preparation of the CT");
+  ASSERT_FALSE(queue.reserve("request"));
+  EXPECT_EQ(put(queue, "request").get().preset, "request");
+  done.get_future().wait();
 }
 
 TEST(RegistrationWorker, ItsEndCancelsWhatRunsAndAnswersWhatWaits) {

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "us_ct_registration/progress.h"
+#include "us_ct_registration/registration/registration_options.h"
+#include "us_ct_registration/volume/hu_window.h"
+#include "us_ct_registration/volume/volume.h"
+
+namespace usct {
+
+/// A CT and, if they were prepared, its averages to the spacings of a registration. Averages depend
+/// on the CT and on options alone, so that they are made once for all registrations of a CT. A
+/// registration whose options have other spacings or another window averages the CT itself.
+///
+/// The result of a registration has the same bits with and without prepared averages. Averages
+/// never change, so that several threads may register with them at the same time. They take one
+/// byte per voxel and spacing: at most half the memory of the CT for a spacing as fine as that of
+/// the CT, and less in proportion to the volume of the averaged voxels.
+class PreparedCt {
+ public:
+  /// The averages of a whole CT.
+  struct Average {
+    HuWindow window;
+    /// Numbers of voxels along each axis that one step averages; the first step averages voxels of
+    /// the CT, each other step those of the step before.
+    std::vector<Eigen::Vector3i> steps;
+    /// CT values on the scale of the window: its lowest one is 0, its highest one 255.
+    Volume<std::uint8_t> bytes;
+  };
+
+  /// A CT without averages. It must outlive this object.
+  PreparedCt(const CtVolume& ct) : ct_(ct) {}  // NOLINT(google-explicit-constructor): as it is
+  /// Prepares the averages of the search's levels and of the refinement. `check` may throw to
+  /// cancel; while this runs, the finest level of the search takes four bytes per voxel more.
+  /// Throws InputError if the CT or the options are invalid.
+  PreparedCt(const CtVolume& ct, const RegistrationOptions& options, const Check& check = {});
+  PreparedCt(const PreparedCt&) = delete;
+  PreparedCt& operator=(const PreparedCt&) = delete;
+
+  const CtVolume& ct() const { return ct_; }
+  /// Another one for each object of a process.
+  std::uint64_t number() const { return number_; }
+  /// Null if it was not prepared.
+  const Volume<std::uint8_t>* find(const HuWindow& window,
+                                   const std::vector<Eigen::Vector3i>& steps) const;
+  /// Memory of the averages.
+  std::size_t bytes() const;
+
+ private:
+  static std::uint64_t next_number();
+
+  const CtVolume& ct_;
+  const std::uint64_t number_ = next_number();
+  std::vector<Average> averages_;
+};
+
+}  // namespace usct

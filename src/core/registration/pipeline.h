@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+
+#include "registration/trail.h"
+#include "us_ct_registration/registration/registration.h"
+
+namespace usct::registration {
+
+/// A registration, and what it leaves for the next one.
+struct PipelineResult {
+  RegistrationResult result;
+  /// Of a full registration that was accepted and has evidence on its own images.
+  std::optional<Trail> trail;
+};
+
+/// The pipeline of `register_ultrasound`. With a trail it is followed first, unless the initial
+/// pose is over `reach_mm` from it; the search begins if that finds no pose that is accepted.
+PipelineResult run_pipeline(const BeamUltrasound& ultrasound, const PreparedCt& ct,
+                            const Eigen::Isometry3d& T_us_ct_initial,
+                            const RegistrationOptions& options, const RegistrationHooks& hooks,
+                            const Trail* trail = nullptr, double reach_mm = 0.0);
+
+}  // namespace usct::registration

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "registration/decoys.h"
+
+/// What an accepted registration leaves for the next one of the same CT and probe.
+namespace usct::registration {
+
+struct Trail {
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
+  std::vector<Decoy> decoys;
+  /// Rivals of the pose, best first.
+  std::vector<Candidate> rivals;
+};
+
+/// The rivals are the first of `optima`, best first, that are over `rival_mm` from the best one.
+Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
+               const std::vector<Candidate>& optima, double rival_mm, const FieldPoints& field);
+
+/// Optima and decoys of new ultrasound at the deciding level.
+struct Followed {
+  /// The tracked pose, and its rivals, best first.
+  std::vector<Candidate> optima;
+  std::vector<Decoy> decoys;
+};
+
+/// Follows the trail to the initial pose of `problem`: the motion from the trail's pose to that one
+/// is taken for a motion of the probe, which moves all poses of the trail alike. Poses and decoys
+/// are climbed again, each decoy from the tracked pose as well. Nothing if the tracked pose has no
+/// similarity, or a rival is more similar.
+std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
+                               const BeamGrid& beams, const ConfidenceOptions& confidence,
+                               Run& run);
+
+}  // namespace usct::registration
