@@ -1,0 +1,147 @@
+#include "registration/pipeline.h"
+
+#include "registration/assessment.h"
+#include "registration/image_pyramid.h"
+#include "registration/multi_start.h"
+#include "registration/refinement.h"
+#include "registration/verdict.h"
+
+namespace usct::registration {
+namespace {
+
+/// The pose that was judged.
+struct Judged {
+  Candidate refined;
+  Assessment assessment;
+  std::optional<GateFailure> failure;
+};
+
+/// One registration on images that are prepared once.
+class Pipeline {
+ public:
+  Pipeline(const BeamUltrasound& us, const PreparedCt& ct, const ImagePyramid& images,
+           const Eigen::Isometry3d& T_us_ct_initial, const RegistrationOptions& options, Run& run)
+      : us_(us),
+        ct_(ct),
+        images_(images),
+        options_(options),
+        run_(run),
+        problem_{images.similarities(), options.search, T_us_ct_initial, images.prepared.field,
+                 options.seed} {}
+
+  /// Each round searches, refines, assesses and judges, until the pose passes the gates, or the
+  /// evidence says that another round would not help.
+  Outcome<PipelineResult> search();
+  /// The pose that the trail leads to, if it passes the gates.
+  std::optional<PipelineResult> tracked(const Trail& trail, double reach_mm);
+
+ private:
+  Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
+                         const Assessment& compared);
+  std::optional<Trail> trail(const Assessor& assessor, const std::vector<Candidate>& optima,
+                             const Judged& accepted) const;
+
+  const BeamUltrasound& us_;
+  const PreparedCt& ct_;
+  const ImagePyramid& images_;
+  const RegistrationOptions& options_;
+  Run& run_;
+  const SearchProblem problem_;
+};
+
+Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate>& optima,
+                                 const Assessment& compared) {
+  const Outcome<Candidate> refined = refine(images_, ct_, optima.front(), options_, run_);
+  if (!refined) return refined.refusal();
+  const Outcome<Assessment> assessment =
+      run_.timed("confidence", [&] { return assessor.assess(compared, optima, *refined, run_); });
+  if (!assessment) return assessment.refusal();
+  return Judged{*refined, *assessment, judge(assessment->measures, options_.confidence.gates)};
+}
+
+std::optional<Trail> Pipeline::trail(const Assessor& assessor, const std::vector<Candidate>& optima,
+                                     const Judged& accepted) const {
+  if (options_.confidence.evidence != EvidenceSource::kOwn || !assessor.decoys())
+    return std::nullopt;
+  return trail_of(accepted.refined, *assessor.decoys(), optima, options_.confidence.rival_mm,
+                  problem_.field);
+}
+
+Outcome<PipelineResult> Pipeline::search() {
+  Assessor assessor(us_, ct_.ct(), images_, problem_, options_);
+  std::vector<Candidate> optima;
+  for (int round = 0;; ++round) {
+    optima =
+        run_.timed("search", [&] { return multi_start(problem_, round, std::move(optima), run_); });
+    if (optima.empty())
+      return Refusal{RegistrationStatus::kNoOverlap,
+                     "no pose in reach has CT and ultrasound overlap"};
+    const bool is_last = round + 1 == options_.search.rounds.most;
+    const Assessment compared =
+        run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
+    run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds.most);
+    if (!is_last && !assessor.parts_could_save(compared)) continue;
+    const Outcome<Judged> best = judged(assessor, optima, compared);
+    if (!best) return best.refusal();
+    run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds.most);
+    if (best->failure && !is_last && may_be_missed(best->assessment)) continue;
+    PipelineResult found{result_of(optima, best->refined, best->assessment, best->failure), {}};
+    if (!best->failure) found.trail = trail(assessor, optima, *best);
+    return found;
+  }
+}
+
+std::optional<PipelineResult> Pipeline::tracked(const Trail& trail, double reach_mm) {
+  if (problem_.field.distance_mm(problem_.T_us_ct_initial, trail.T_us_ct) > reach_mm)
+    return std::nullopt;
+  const std::optional<Followed> followed = run_.timed("tracking", [&] {
+    return follow(trail, problem_, images_.prepared.us->beams, options_.confidence, run_);
+  });
+  if (!followed) return std::nullopt;
+  Assessor assessor(us_, ct_.ct(), images_, problem_, options_);
+  assessor.take_over(followed->decoys);
+  const Assessment compared =
+      run_.timed("confidence", [&] { return assessor.compare(followed->optima, run_); });
+  const Outcome<Judged> best = judged(assessor, followed->optima, compared);
+  if (!best || best->failure) return std::nullopt;
+  return PipelineResult{result_of(followed->optima, best->refined, best->assessment, best->failure),
+                        {}};
+}
+
+Outcome<PipelineResult> prepared_and_run(const BeamUltrasound& us, const PreparedCt& ct,
+                                         const Eigen::Isometry3d& T_us_ct_initial,
+                                         const RegistrationOptions& options, const Trail* trail,
+                                         double reach_mm, Run& run) {
+  run.report(0.0);
+  const Outcome<ImagePyramid> images = prepare(us, ct, T_us_ct_initial, options, run);
+  if (!images) return images.refusal();
+  run.report(0.2);
+  Pipeline pipeline(us, ct, *images, T_us_ct_initial, options, run);
+  if (trail != nullptr)
+    if (std::optional<PipelineResult> tracked = pipeline.tracked(*trail, reach_mm)) return *tracked;
+  return pipeline.search();
+}
+
+}  // namespace
+
+PipelineResult run_pipeline(const BeamUltrasound& ultrasound, const PreparedCt& ct,
+                            const Eigen::Isometry3d& T_us_ct_initial,
+                            const RegistrationOptions& options, const RegistrationHooks& hooks,
+                            const Trail* trail, double reach_mm) {
+  Run run(hooks);
+  PipelineResult ended;
+  try {
+    Outcome<PipelineResult> outcome =
+        prepared_and_run(ultrasound, ct, T_us_ct_initial, options, trail, reach_mm, run);
+    if (outcome) run.report(1.0);
+    ended = outcome ? std::move(*outcome) : PipelineResult{result_of(outcome.refusal()), {}};
+  } catch (const Cancelled&) {
+    ended = {result_of(Refusal{RegistrationStatus::kCancelled, "cancelled by the caller"}), {}};
+  }
+  ended.result.evaluations = run.evaluations();
+  ended.result.seconds = run.seconds();
+  ended.result.version = USCT_VERSION;
+  return ended;
+}
+
+}  // namespace usct::registration
