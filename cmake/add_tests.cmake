@@ -82,13 +82,18 @@ if(NOT USCT_CORE_ONLY)
   add_dependencies(test_rviz_panel ${PROJECT_NAME}_rviz)
 endif()
 
-# Tests with nodes run one at a time beside the others: they wait for messages, within limits that a machine with
-# many of them at once would not keep. The longest one, replay, runs beside them: it is idle most of the time, and its
-# own limits are minutes.
+# Tests with nodes run two at a time: they wait for messages, within limits that a machine with many of them at once
+# would not keep. The longest one, replay, runs beside them: it is idle most of the time, and its own limits are minutes.
 get_property(all_tests DIRECTORY PROPERTY TESTS)
+set(lane a)
 foreach(test ${all_tests})
   if(test MATCHES "_rostest_" AND NOT test MATCHES "replay")
-    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes)
+    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_${lane})
+    if(lane STREQUAL a)
+      set(lane b)
+    else()
+      set(lane a)
+    endif()
   endif()
 endforeach()
 

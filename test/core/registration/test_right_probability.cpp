@@ -8,6 +8,7 @@
 
 #include "core/geometry/random_geometry.h"
 #include "nan.h"
+#include "us_ct_registration/registration/confidence_text.h"
 #include "us_ct_registration/registration/gates.h"
 
 namespace usct::test {
@@ -94,6 +95,20 @@ TEST(RightProbability, AnErrorThatMayExceedFiveMillimetresIsAFactor) {
   EXPECT_NEAR(right_probability(measures)->all(), without, 1e-12);
   measures.expected_error_mm = kNan;
   EXPECT_FALSE(right_probability(measures));
+}
+
+/// A small error is no evidence for a pose that is refused for something else.
+TEST(EvidenceText, NamesTheSizeOfTheErrorOnlyIfItMayBeTooLarge) {
+  Measures measures;
+  measures.displacement_mm = measures.parts_mm = 0.0;
+  measures.mirror_ratio = measures.rival_ratio = measures.chance_ratio = 2.0;
+  measures.mirror_advantage = measures.rival_advantage = 5.0;
+  measures.local_agreement = 0.5;
+  measures.expected_error_mm = 1.0;
+  EXPECT_EQ(evidence_text(measures).find("error"), std::string::npos) << evidence_text(measures);
+  measures.expected_error_mm = 4.7;
+  EXPECT_NE(evidence_text(measures).find("its error is about 4.7 mm"), std::string::npos)
+      << evidence_text(measures);
 }
 
 /// Measures between good and bad, where each of them matters.
