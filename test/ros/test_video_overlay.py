@@ -360,7 +360,7 @@ class VideoOverlay(unittest.TestCase):
         pose.pose.covariance = list(covariance.ravel())
         self.pose.publish(pose)
         # The corners of the tumour are 10 mm sqrt(2) from the axis of the CT.
-        expected_mm = 1.25 * math.sqrt(3.0 + (0.02 * 10.0) ** 2 * 2.0)
+        expected_mm = 1.1 * math.sqrt(3.0 + (0.02 * 10.0) ** 2 * 2.0)
         self.drawn(lambda s: abs(1000 * s.error_bound - expected_mm) < 1e-3, f"a bound of {expected_mm} mm")
 
     def test_revoked_while_it_waits_for_tf(self):
