@@ -41,9 +41,9 @@ class PreparedCt {
   PreparedCt& operator=(const PreparedCt&) = delete;
 
   const CtVolume& ct() const { return ct_; }
-  /// Another one for each object of a process.
+  /// A number that no other object of the process has.
   std::uint64_t number() const { return number_; }
-  /// Null if it was not prepared.
+  /// The average, or null if it was not prepared.
   const Volume<std::uint8_t>* find(const HuWindow& window,
                                    const std::vector<Eigen::Vector3i>& steps) const;
   /// Memory of the averages.

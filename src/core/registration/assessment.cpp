@@ -228,7 +228,7 @@ void Assessor::compare_clusters(const EvidenceImages& on, const Candidate& refin
   const ConfidenceOptions& confidence = options_.confidence;
   const auto patches = make_similarity(*on.images.levels.back().images, confidence.similarity);
   if (!patches) return;
-  // Near the middle: the clusters that reach into the region of the expected error.
+  // Clusters near the middle are those that reach into the region of the expected error.
   const LocalAgreementOptions options{
       confidence.cluster_mm, confidence.cluster_step_mm, on.images.prepared.field.centre_us_mm(),
       confidence.error.target_radius_mm + 0.5 * confidence.cluster_mm};

@@ -63,7 +63,7 @@ std::string evidence_text(const Measures& m) {
                        : ""),
               "check that the CT is of this patient, the geometry of the probe and the tracking, "
               "and acquire again during a breath hold and with little pressure") +
-         // A small one is no evidence that the pose is right.
+         // A small error is no evidence that the pose is right.
          (right->near < kStrong
               ? line("size of the error", right->near,
                      formatted("if the pose is right, its error is about %.1f mm, and below 5 mm "

@@ -98,7 +98,7 @@ std::vector<Volume<float>> averaged(const CtVolume& ct, const std::vector<Averag
     averages[i] =
         finer ? shrink(averages[*finer], step, {block.begin - regions[*finer].begin, block.size})
               : shrink(ct, step, block);
-    // The same arithmetic as for a region that is cut out, so that the bits are the same.
+    // This is the arithmetic of a region that is cut out, so that the bits are the same.
     averages[i].grid = region_grid(averaged_grid(ct.grid, steps[i]), regions[i]);
     finer = i;
   }

@@ -12,7 +12,7 @@ struct LocalAgreementOptions {
   /// The edge of the clusters' cubes, and the translations that they are offered, mm.
   double cluster_mm;
   double step_mm;
-  /// Where the motion of tissue counts: clusters whose cubes' middles are this close to a point.
+  /// The motion of tissue is that of clusters whose cubes' middles are this close to this point.
   Eigen::Vector3d centre_us_mm;
   double radius_mm;
 };
@@ -30,12 +30,13 @@ struct LocalAgreement {
   /// moved since the CT lowers the first share as well; but it moves with its neighbours, which the
   /// second share asks. Among n clusters that have nothing to do with the pose chance makes up a
   /// share in proportion to 1 / sqrt(n), as the best of many sums of n random terms: this is taken
-  /// off. Near 1 if no cluster would rather lie elsewhere, about 0 or less if their wishes have
-  /// nothing to do with the pose nor with each other. It does not depend on the similarity's scale.
+  /// off. The result is near 1 if no cluster would rather lie elsewhere, about 0 or less if their
+  /// wishes have nothing to do with the pose nor with each other. It does not depend on the
+  /// similarity's scale.
   double share = 0.0;
   /// Root mean square length, mm, of the translations that clusters near the centre and their
   /// neighbours together like best, by the rise that depends on it: about how far tissue there has
-  /// moved relative to the pose. 0 if nothing there makes a difference.
+  /// moved relative to the pose. It is 0 if nothing there makes a difference.
   double tissue_motion_mm = 0.0;
 };
 

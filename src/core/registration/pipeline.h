@@ -10,7 +10,7 @@ namespace usct::registration {
 /// A registration, and what it leaves for the next one.
 struct PipelineResult {
   RegistrationResult result;
-  /// Of a full registration that was accepted and has evidence on its own images.
+  /// A full registration leaves one if it was accepted and has evidence on its own images.
   std::optional<Trail> trail;
 };
 
