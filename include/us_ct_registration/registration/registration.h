@@ -34,7 +34,7 @@ struct RegistrationHooks {
 /// InputError for invalid options, a CT or beams that are malformed or of another kind than the
 /// options are for, and an initial pose that is not rigid.
 ///
-/// Whoever registers a CT often prepares it once, and passes the PreparedCt in place of the CT. The
+/// A caller that registers one CT many times can prepare it once, and pass the PreparedCt here. The
 /// result has the same bits for the same input, options and seed, with any number of threads.
 RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const PreparedCt& ct,
                                        const Eigen::Isometry3d& T_us_ct_initial,

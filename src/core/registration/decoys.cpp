@@ -11,7 +11,7 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// Where the starts turn this far, a half turn is a pose like others and no decoy.
+/// Whether the starts turn so far that half a turn is a pose like others, and no decoy.
 bool reaches_half_turn(const SearchOptions& search) {
   return search.starts && search.starts->rotation_rad > 0.5 * kPi;
 }

@@ -5,7 +5,8 @@
 
 #include "registration/decoys.h"
 
-/// What an accepted registration leaves for the next one of the same CT and probe.
+/// A trail is what an accepted registration hands on to the next one of the same CT and probe: its
+/// pose, and the poses that it was compared with.
 namespace usct::registration {
 
 struct Trail {
