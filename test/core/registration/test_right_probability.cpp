@@ -67,7 +67,7 @@ RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
 }
 
 /// Strong evidence of every kind.
-Measures strong() {
+Measures strong_measures() {
   Measures measures;
   measures.displacement_mm = measures.parts_mm = 0.0;
   measures.mirror_ratio = measures.rival_ratio = measures.chance_ratio = 2.0;
@@ -79,7 +79,7 @@ Measures strong() {
 /// The kidney of another patient, laid on this one: it stands out from chance and from mirror
 /// images, but its blocks do not agree.
 TEST(RightProbability, NothingMakesUpForBlocksThatDoNotAgree) {
-  Measures measures = strong();
+  Measures measures = strong_measures();
   measures.mirror_ratio = measures.rival_ratio = 100.0;
   measures.mirror_advantage = measures.rival_advantage = 100.0;
   measures.local_agreement = 0.2;
@@ -92,7 +92,7 @@ TEST(RightProbability, NothingMakesUpForBlocksThatDoNotAgree) {
 /// The square of an error's length over its variance along an axis is chi-squared with 3 degrees of
 /// freedom, of which 7.815 is the 95 % quantile.
 TEST(RightProbability, AnErrorThatMayExceedFiveMillimetresIsAFactor) {
-  Measures measures = strong();
+  Measures measures = strong_measures();
   const double without = right_probability(measures)->all();
   measures.expected_error_mm = 5.0 * std::sqrt(3.0 / 7.815);
   EXPECT_NEAR(right_probability(measures)->all(), 0.95 * without, 1e-4);
@@ -104,7 +104,7 @@ TEST(RightProbability, AnErrorThatMayExceedFiveMillimetresIsAFactor) {
 
 /// A small error is no evidence for a pose that is refused for something else.
 TEST(EvidenceText, NamesTheSizeOfTheErrorOnlyIfItMayBeTooLarge) {
-  Measures measures = strong();
+  Measures measures = strong_measures();
   measures.expected_error_mm = 1.0;
   EXPECT_EQ(evidence_text(measures).find("error"), std::string::npos) << evidence_text(measures);
   measures.expected_error_mm = 4.7;
