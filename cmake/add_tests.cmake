@@ -84,11 +84,14 @@ endif()
 
 # Tests with nodes run two at a time: they wait for messages, within limits that a machine with many of them at once
 # would not keep. The longest one, replay, runs beside them: it is idle most of the time, and its own limits are minutes.
+# They start first (ctest starts the greatest COST first): tests that compute fill the time in which they wait.
 get_property(all_tests DIRECTORY PROPERTY TESTS)
 set(lane a)
 foreach(test ${all_tests})
-  if(test MATCHES "_rostest_" AND NOT test MATCHES "replay")
-    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_${lane})
+  if(test MATCHES "_rostest_.*replay")
+    set_tests_properties(${test} PROPERTIES COST 2000)
+  elseif(test MATCHES "_rostest_")
+    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_${lane} COST 1000)
     if(lane STREQUAL a)
       set(lane b)
     else()
