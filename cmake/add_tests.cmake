@@ -86,17 +86,15 @@ endif()
 # would not keep. The longest one, replay, runs beside them: it is idle most of the time, and its own limits are minutes.
 # They start first (ctest starts the greatest COST first): tests that compute fill the time in which they wait.
 get_property(all_tests DIRECTORY PROPERTY TESTS)
-set(lane a)
+# The second lane takes about as long as the first, which has all others.
+set(second_lane "integration|real_data|us_ingest")
 foreach(test ${all_tests})
   if(test MATCHES "_rostest_.*replay")
     set_tests_properties(${test} PROPERTIES COST 2000)
+  elseif(test MATCHES "_rostest_.*(${second_lane})")
+    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_b COST 1000)
   elseif(test MATCHES "_rostest_")
-    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_${lane} COST 1000)
-    if(lane STREQUAL a)
-      set(lane b)
-    else()
-      set(lane a)
-    endif()
+    set_tests_properties(${test} PROPERTIES RESOURCE_LOCK nodes_a COST 1000)
   endif()
 endforeach()
 

@@ -137,6 +137,8 @@ void add_simulation_options(CLI::App& app, SimulateCommand& command) {
                   "bone and gas reflect everything (patients)");
   group->add_option("--bone-hu", o.occlusion.bone_hu, "bone from here, HU")->capture_default_str();
   group->add_option("--gas-hu", o.occlusion.gas_hu, "gas below, HU")->capture_default_str();
+  group->add_option("--echo", o.occlusion.echo_mm,
+                    "bone and gas echo for this length along the beam, mm [they are occluded]");
   group
       ->add_option("--log-compression", o.log_compression,
                    "eq 4.7 of the reflection, or of the intensity as printed")

@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <vector>
 
 /// Minimisation, with derivatives or without. An optimizer sees a vector of parameters and a scalar
 /// cost, and knows nothing of poses or images.
@@ -56,6 +57,10 @@ struct OptimizerProblem {
   /// The cost with its derivatives, called like `cost`; its values have the same bits. Only
   /// OptimizerMethod::kGaussNewton needs it; empty for a cost without derivatives.
   std::function<CostModel(const Eigen::VectorXd&, bool with_curvature)> model;
+  /// The costs of several points, called like `cost`; the values have the same bits. CMA-ES asks
+  /// for a generation at once, where that is faster than one point after the other; empty if it is
+  /// not.
+  std::function<std::vector<double>(const std::vector<Eigen::VectorXd>&)> costs;
   Eigen::VectorXd start;
   /// Bounds of the box, which includes its faces; both infinite for a parameter without bounds.
   Eigen::VectorXd lower;

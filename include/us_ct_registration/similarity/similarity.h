@@ -58,8 +58,8 @@ class Similarity {
   virtual ~Similarity() = default;
 
   /// Fills `values[i]` for `poses[i]`, i in [0, count). The threads share several poses among them;
-  /// for a single pose they share the patches of the ultrasound. `check` is called before each
-  /// pose, from several threads, and may throw to cancel.
+  /// for a single pose they share the parts of the ultrasound. `check` is called now and then, from
+  /// several threads, and may throw to cancel.
   virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                         const Check& check) const = 0;
 

@@ -45,6 +45,13 @@ struct OcclusionOptions {
   double gas_hu = -400.0;
   /// An interface with at least this |grad mu| reflects everything; infinite: no interface does.
   double gradient_hu_per_mm = std::numeric_limits<double>::infinity();
+  /// Length along the beam for which what reflects totally keeps echoing, mm: the bright line of a
+  /// bone's surface. Its samples have the reflection of the surface and are not occluded. Unset:
+  /// the surface itself is occluded already, as eq 4.9 says.
+  std::optional<double> echo_mm;
+
+  /// How many samples of a beam the echo of a surface covers.
+  int echo_samples(double spacing_mm) const;
 };
 
 /// Eq 4.8: p = slope * mu + offset, a linear stand-in for Wein's curve from CT value to
@@ -93,7 +100,7 @@ struct SimulationOptions {
 enum SampleFlag : std::uint8_t {
   kOutsideCt = 1,   // lies outside the CT
   kBeforeBody = 2,  // air in the CT in front of the body (gel, standoff or an indented skin)
-  kOccluded = 4,    // I = 0
+  kOccluded = 4,    // I = 0, beyond the echo of what reflects totally
 };
 
 /// The images that follow from the CT and the pose, before any fit to the ultrasound; samples x

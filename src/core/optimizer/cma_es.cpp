@@ -18,11 +18,22 @@ using pagmo::vector_double;
 // everything is compiled with -DEIGEN_MALLOC_ALREADY_ALIGNED=1.
 static_assert(EIGEN_MALLOC_ALREADY_ALIGNED, "Eigen allocates memory here unlike in pagmo");
 
+/// Answers pagmo, which asks for one cost after the other.
+struct Answers {
+  Evaluator& evaluator;
+  /// While the points of a generation are listed, they are not evaluated.
+  bool only_lists = false;
+  std::vector<Eigen::VectorXd> listed;
+};
+
 /// Adapts the evaluator to pagmo's interface of a problem, which must be copyable.
 struct PagmoProblem {
   vector_double fitness(const vector_double& units) const {
     const auto size = static_cast<Eigen::Index>(units.size());
-    return {evaluator->at_folded(Eigen::Map<const Eigen::VectorXd>(units.data(), size))};
+    const Eigen::Map<const Eigen::VectorXd> point(units.data(), size);
+    if (!answers->only_lists) return {answers->evaluator.at_folded(point)};
+    answers->listed.emplace_back(point);
+    return {0.0};
   }
   /// pagmo uses these bounds only for the standard deviation of its first samples, which is the
   /// width of the box times the initial step.
@@ -30,9 +41,21 @@ struct PagmoProblem {
     return {vector_double(dimension, -0.5), vector_double(dimension, 0.5)};
   }
 
-  Evaluator* evaluator = nullptr;
+  Answers* answers = nullptr;
   std::size_t dimension = 2;
 };
+
+/// The points of the next generation. They do not depend on their own costs, and copies of the
+/// algorithm and its population draw the same random numbers, so that a copy can be asked.
+std::vector<Eigen::VectorXd> next_generation(pagmo::cmaes cma_es,
+                                             const pagmo::population& population,
+                                             Answers& answers) {
+  answers.listed.clear();
+  answers.only_lists = true;
+  cma_es.evolve(population);
+  answers.only_lists = false;
+  return answers.listed;
+}
 
 std::size_t default_population(std::size_t dimension) {
   return 4 + static_cast<std::size_t>(3.0 * std::log(static_cast<double>(dimension)));
@@ -87,8 +110,8 @@ Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
   const double start_cost = std::isfinite(evaluator.start_cost())
                                 ? evaluator.start_cost()
                                 : std::numeric_limits<double>::max();
-  pagmo::population population(pagmo::problem(PagmoProblem{&evaluator, dimension}), 0u,
-                               options.seed);
+  Answers answers{evaluator, false, {}};
+  pagmo::population population(pagmo::problem(PagmoProblem{&answers, dimension}), 0u, options.seed);
   for (std::size_t i = 0; i < size; ++i)
     population.push_back(vector_double(dimension, 0.0), {start_cost});
 
@@ -100,6 +123,7 @@ Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
                             options.initial_step, kNever, kNever, true, false, options.seed);
   Stagnation stagnation(options.cost_tolerance, 10 + (30 * dimension + size - 1) / size);
   while (true) {
+    evaluator.look_ahead(next_generation(cma_es, population, answers));
     population = cma_es.evolve(std::move(population));
     if (spread(population.get_x()) < options.step_tolerance)
       return {OptimizerStatus::kConverged, "the population is narrower than 'step_tolerance'"};

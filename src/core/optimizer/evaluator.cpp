@@ -43,10 +43,26 @@ double Evaluator::at(const Eigen::VectorXd& units) {
 
 double Evaluator::at_folded(const Eigen::VectorXd& units) {
   if (units.isZero(0.0)) return at(units);
-  Eigen::VectorXd in_box(units.size());
+  return at(in_box(units));
+}
+
+void Evaluator::look_ahead(const std::vector<Eigen::VectorXd>& units) {
+  ahead_.clear();
+  if (!problem_.costs) return;
+  const auto left = static_cast<std::size_t>(options_.max_evaluations - so_far_.evaluations);
+  std::vector<Eigen::VectorXd> points;
+  for (std::size_t i = 0; i < std::min(left, units.size()); ++i)
+    if (units[i].allFinite()) points.push_back(parameters_at(in_box(units[i])));
+  if (points.empty() || (hooks_.cancelled && hooks_.cancelled())) return;
+  const std::vector<double> costs = problem_.costs(points);
+  for (std::size_t i = 0; i < points.size(); ++i) ahead_.emplace_back(points[i], costs.at(i));
+}
+
+Eigen::VectorXd Evaluator::in_box(const Eigen::VectorXd& units) const {
+  Eigen::VectorXd result(units.size());
   for (Eigen::Index i = 0; i < units.size(); ++i)
-    in_box[i] = folded(units[i], lower_[i], upper_[i]);
-  return at(in_box);
+    result[i] = folded(units[i], lower_[i], upper_[i]);
+  return result;
 }
 
 CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature) {
@@ -63,9 +79,23 @@ CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature)
 
 double Evaluator::evaluate(const Eigen::VectorXd& units) {
   const Eigen::VectorXd parameters = next(units);
-  const double cost = problem_.cost(parameters);
+  const double cost = cost_of(parameters);
   record(parameters, cost);
   return std::isfinite(cost) ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
+double Evaluator::cost_of(const Eigen::VectorXd& parameters) {
+  if (ahead_.empty() || ahead_.front().first != parameters) return problem_.cost(parameters);
+  const double cost = ahead_.front().second;
+  ahead_.pop_front();
+  return cost;
+}
+
+Eigen::VectorXd Evaluator::parameters_at(const Eigen::VectorXd& units) const {
+  // Rounding may have moved a point on a face out of the box.
+  return (problem_.start + problem_.scale.cwiseProduct(units))
+      .cwiseMax(problem_.lower)
+      .cwiseMin(problem_.upper);
 }
 
 Eigen::VectorXd Evaluator::next(const Eigen::VectorXd& units) const {
@@ -74,10 +104,7 @@ Eigen::VectorXd Evaluator::next(const Eigen::VectorXd& units) const {
   if (so_far_.evaluations >= options_.max_evaluations)
     throw Stop{OptimizerStatus::kBudgetExhausted,
                "all " + std::to_string(options_.max_evaluations) + " evaluations were made"};
-  // Rounding may have moved a point on a face out of the box.
-  return (problem_.start + problem_.scale.cwiseProduct(units))
-      .cwiseMax(problem_.lower)
-      .cwiseMin(problem_.upper);
+  return parameters_at(units);
 }
 
 void Evaluator::record(const Eigen::VectorXd& parameters, double cost) {

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <deque>
 #include <limits>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "us_ct_registration/optimizer/optimizer.h"
 
@@ -39,6 +42,10 @@ class Evaluator {
   /// first. Throws Stop.
   double at_folded(const Eigen::VectorXd& units);
 
+  /// Computes the costs of points for which `at_folded` will be called in this order, all at once
+  /// if the problem can. It does not count as evaluations, and does not look beyond the budget.
+  void look_ahead(const std::vector<Eigen::VectorXd>& units);
+
   /// The cost with derivatives by the displacement in units of `scale`, of a point in the box. The
   /// cost is NaN where it is not finite. Throws Stop.
   CostModel model_at(const Eigen::VectorXd& units, bool with_curvature);
@@ -47,6 +54,9 @@ class Evaluator {
 
  private:
   double evaluate(const Eigen::VectorXd& units);
+  double cost_of(const Eigen::VectorXd& parameters);
+  Eigen::VectorXd in_box(const Eigen::VectorXd& units) const;
+  Eigen::VectorXd parameters_at(const Eigen::VectorXd& units) const;
   /// The parameters of a point at which the cost may be evaluated now. Throws Stop.
   Eigen::VectorXd next(const Eigen::VectorXd& units) const;
   void record(const Eigen::VectorXd& parameters, double cost);
@@ -59,6 +69,8 @@ class Evaluator {
   double start_cost_ = std::numeric_limits<double>::quiet_NaN();
   double worst_ = std::numeric_limits<double>::quiet_NaN();
   OptimizerResult so_far_;
+  /// Points whose costs are known before they are asked for, the next one first.
+  std::deque<std::pair<Eigen::VectorXd, double>> ahead_;
 };
 
 /// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt; Gauss-Newton. evaluate_start() must

@@ -81,6 +81,14 @@ void climb(const Similarity& similarity, const Climb& how, const FieldPoints& fi
     run.check_cancelled();
     return cost_of(similarity.evaluate(parameters.candidate(x).pose()));
   };
+  problem.costs = [&](const std::vector<VectorXd>& points) {
+    std::vector<SimilarityPose> poses;
+    for (const VectorXd& x : points) poses.push_back(parameters.candidate(x).pose());
+    std::vector<double> costs;
+    for (const SimilarityValue& value : similarity.evaluate(poses, run.check()))
+      costs.push_back(cost_of(value));
+    return costs;
+  };
   OptimizerOptions optimizer = how.optimizer;
   if (optimizer.method == OptimizerMethod::kGaussNewton) {
     // There are no derivatives by the errors.

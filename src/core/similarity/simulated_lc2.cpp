@@ -5,8 +5,9 @@
 #include <array>
 #include <cmath>
 
+#include "parallel.h"
 #include "require.h"
-#include "similarity/pose_by_pose.h"
+#include "similarity/large_pages.h"
 #include "similarity/simulated_lc2_kernel.h"
 #include "us_ct_registration/geometry/rigid.h"
 
@@ -23,12 +24,14 @@ constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
 // These two thresholds are those of fit_to_ultrasound.
 constexpr double kConstant = 1e-12;
 constexpr double kCollinear = 1e-9;
+/// Blocks that one thread follows at a time.
+constexpr int kBlocksAtOnce = 8;
 
 /// The CT, where each voxel is stored with the differences of its neighbours.
 class DifferencedCt {
  public:
   DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
-      : grid_(ct.grid), hu_(ct.voxels), voxels_(ct.voxels.size()) {
+      : grid_(ct.grid), hu_(ct.voxels.begin(), ct.voxels.end()), voxels_(ct.voxels.size()) {
     hu_.push_back(0);
     const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
     const CtVolume& seen = window ? limited : ct;
@@ -68,8 +71,8 @@ class DifferencedCt {
   }
 
   Grid grid_;
-  std::vector<std::int16_t> hu_;
-  std::vector<PackedVoxel> voxels_;
+  LargeVector<std::int16_t> hu_;
+  LargeVector<PackedVoxel> voxels_;
   int unit_ = 1;
 };
 
@@ -132,7 +135,7 @@ class BlockedUltrasound {
   int samples_, lines_, blocks_, frames_;
   std::size_t usable_ = 0;
   float mean_ = 0.0F;
-  std::vector<float> values_;
+  LargeVector<float> values_;
   std::vector<int> samples_used_;  // per block
 };
 
@@ -203,8 +206,10 @@ double residual(const SimulationWeights& weights, const Sums& sums, double u_mea
   return w.dot(moments * w);
 }
 
-class SimulatedLc2 final : public PoseByPose {
+class SimulatedLc2 final : public Similarity {
  public:
+  using Similarity::evaluate;
+
   SimulatedLc2(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded,
                const CtVolume& ct, const SimulationOptions& simulation, const FitOptions& fit)
       : beams_(ultrasound.beams),
@@ -212,23 +217,46 @@ class SimulatedLc2 final : public PoseByPose {
         ct_(ct, simulation.window),
         scene_(described(simulation, fit.use_background)),
         transmission_length_mm_(simulation.transmission_length_mm),
+        occlusion_(simulation.occlusion),
         fit_(fit) {
     ct_.describe(scene_);
   }
 
+  /// A block of beams is followed at all poses before the next one: poses of one generation are
+  /// near each other, and find the CT in the cache.
+  void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                const Check& check) const override {
+    std::vector<Eigen::Affine3d> T_index_us;
+    for (std::size_t i = 0; i < count; ++i) T_index_us.push_back(valid_T_index_us(poses[i]));
+    const int blocks = ultrasound_.blocks();
+    std::vector<std::vector<Sums>> parts(
+        static_cast<std::size_t>((blocks + kBlocksAtOnce - 1) / kBlocksAtOnce));
+    parallel_for(static_cast<int>(parts.size()), [&](int part) {
+      if (check) check();
+      std::vector<Sums>& sums = parts[static_cast<std::size_t>(part)];
+      sums.resize(count);
+      for (int block = part * kBlocksAtOnce; block < std::min(blocks, (part + 1) * kBlocksAtOnce);
+           ++block)
+        for (std::size_t i = 0; i < count; ++i)
+          simulated_lc2::add_block(
+              scene_, block_at(block, T_index_us[i], 1.0 + poses[i].errors.depth), sums[i]);
+    });
+    for (std::size_t i = 0; i < count; ++i) {
+      Sums sums;
+      for (const std::vector<Sums>& part : parts) sums += part[i];
+      values[i] = value_of(sums);
+    }
+  }
+
  private:
-  SimilarityValue value_at(const SimilarityPose& pose) const override {
+  Eigen::Affine3d valid_T_index_us(const SimilarityPose& pose) const {
     const AcquisitionErrors& errors = pose.errors;
     require_rigid(pose.T_ct_us, "T_ct_us");
     require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
             errors.depth, "finite and > -1");
     require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
             "0: this metric does not know it");
-    const Eigen::Affine3d T_index_us = ct_.grid().T_index_physical() * pose.T_ct_us;
-    Sums sums;
-    for (int block = 0; block < ultrasound_.blocks(); ++block)
-      simulated_lc2::add_block(scene_, block_at(block, T_index_us, 1.0 + errors.depth), sums);
-    return value_of(sums);
+    return ct_.grid().T_index_physical() * pose.T_ct_us;
   }
 
   Block block_at(int index, const Eigen::Affine3d& T_index_us, double stretch) const {
@@ -239,6 +267,7 @@ class SimulatedLc2 final : public PoseByPose {
     block.per_sample_mm = static_cast<float>(1.0 / spacing_mm);
     block.transmission_power =
         transmission_length_mm_ ? static_cast<float>(spacing_mm / *transmission_length_mm_) : 0.0F;
+    block.echo_samples = occlusion_.echo_samples(spacing_mm);
     for (int lane = 0; lane < kLinesPerBlock; ++lane) {
       // Lanes beyond the last line hold no samples that count.
       const int line = std::min(ultrasound_.first_line(index) + lane, beams_.lines - 1);
@@ -282,6 +311,7 @@ class SimulatedLc2 final : public PoseByPose {
   DifferencedCt ct_;
   Scene scene_;
   std::optional<double> transmission_length_mm_;
+  OcclusionOptions occlusion_;
   FitOptions fit_;
 };
 

@@ -21,36 +21,24 @@ namespace {
 /// The CT is prefetched this many samples before its use.
 constexpr int kSamplesAhead = 4;
 
-/// Sums of a block, lane by lane, in double precision.
-class Accumulators {
+/// So many samples of a beam are added up in single precision, whose error is then that of one
+/// rounding or so and differs from sum to sum.
+constexpr int kSinglePrecision = 16;
+
+/// The sum of a quantity over the samples of a block, lane by lane.
+class Accumulator {
  public:
   // An implicit constructor would be compiled for another target.
-  HWY_INLINE Accumulators() {}
+  HWY_INLINE Accumulator() {}
 
-  /// Adds values, which must be 0 where they do not count.
-  HWY_INLINE void add(V u, V p, V r) {
-    add(lower(u), lower(p), lower(r));
-    add(upper(u), upper(p), upper(r));
+  HWY_INLINE void add(V a) { few_ = hn::Add(few_, a); }
+  HWY_INLINE void add_product(V a, V b) { few_ = hn::MulAdd(a, b, few_); }
+  /// Goes on in double precision.
+  HWY_INLINE void flush() {
+    all_ = hn::Add(all_, hn::Add(lower(few_), upper(few_)));
+    few_ = hn::Zero(d);
   }
-  HWY_INLINE void add_occluded(V u) {
-    u_occluded_ = hn::Add(u_occluded_, hn::Add(lower(u), upper(u)));
-    uu_occluded_ = hn::MulAdd(lower(u), lower(u), uu_occluded_);
-    uu_occluded_ = hn::MulAdd(upper(u), upper(u), uu_occluded_);
-  }
-
-  HWY_INLINE void add_to(Sums& sums) const {
-    sums.u += total(u_);
-    sums.p += total(p_);
-    sums.r += total(r_);
-    sums.uu += total(uu_);
-    sums.up += total(up_);
-    sums.ur += total(ur_);
-    sums.pp += total(pp_);
-    sums.pr += total(pr_);
-    sums.rr += total(rr_);
-    sums.u_occluded += total(u_occluded_);
-    sums.uu_occluded += total(uu_occluded_);
-  }
+  HWY_INLINE void add_to(double& sum) const { sum += hn::GetLane(hn::SumOfLanes(DD(), all_)); }
 
  private:
 #if HWY_TARGET == HWY_SCALAR
@@ -60,24 +48,53 @@ class Accumulators {
   static HWY_INLINE VD lower(V v) { return hn::PromoteTo(DD(), hn::LowerHalf(v)); }
   static HWY_INLINE VD upper(V v) { return hn::PromoteTo(DD(), hn::UpperHalf(hn::Half<D>(), v)); }
 #endif
-  static HWY_INLINE double total(VD v) { return hn::GetLane(hn::SumOfLanes(DD(), v)); }
 
-  HWY_INLINE void add(VD u, VD p, VD r) {
-    u_ = hn::Add(u_, u);
-    p_ = hn::Add(p_, p);
-    r_ = hn::Add(r_, r);
-    uu_ = hn::MulAdd(u, u, uu_);
-    up_ = hn::MulAdd(u, p, up_);
-    ur_ = hn::MulAdd(u, r, ur_);
-    pp_ = hn::MulAdd(p, p, pp_);
-    pr_ = hn::MulAdd(p, r, pr_);
-    rr_ = hn::MulAdd(r, r, rr_);
+  V few_ = hn::Zero(d);
+  VD all_ = hn::Zero(DD());
+};
+
+/// The sums of a block.
+class Accumulators {
+ public:
+  HWY_INLINE Accumulators() {}
+
+  /// Adds values, which must be 0 where they do not count.
+  HWY_INLINE void add(V u, V p, V r) {
+    u_.add(u);
+    p_.add(p);
+    r_.add(r);
+    uu_.add_product(u, u);
+    up_.add_product(u, p);
+    ur_.add_product(u, r);
+    pp_.add_product(p, p);
+    pr_.add_product(p, r);
+    rr_.add_product(r, r);
+  }
+  HWY_INLINE void add_occluded(V u) {
+    u_occluded_.add(u);
+    uu_occluded_.add_product(u, u);
+  }
+  HWY_INLINE void flush() {
+    for (Accumulator* sum :
+         {&u_, &p_, &r_, &uu_, &up_, &ur_, &pp_, &pr_, &rr_, &u_occluded_, &uu_occluded_})
+      sum->flush();
+  }
+  HWY_INLINE void add_to(Sums& sums) const {
+    u_.add_to(sums.u);
+    p_.add_to(sums.p);
+    r_.add_to(sums.r);
+    uu_.add_to(sums.uu);
+    up_.add_to(sums.up);
+    ur_.add_to(sums.ur);
+    pp_.add_to(sums.pp);
+    pr_.add_to(sums.pr);
+    rr_.add_to(sums.rr);
+    u_occluded_.add_to(sums.u_occluded);
+    uu_occluded_.add_to(sums.uu_occluded);
   }
 
-  VD u_ = hn::Zero(DD()), p_ = hn::Zero(DD()), r_ = hn::Zero(DD());
-  VD uu_ = hn::Zero(DD()), up_ = hn::Zero(DD()), ur_ = hn::Zero(DD());
-  VD pp_ = hn::Zero(DD()), pr_ = hn::Zero(DD()), rr_ = hn::Zero(DD());
-  VD u_occluded_ = hn::Zero(DD()), uu_occluded_ = hn::Zero(DD());
+ private:
+  Accumulator u_, p_, r_, uu_, up_, ur_, pp_, pr_, rr_, u_occluded_, uu_occluded_;
 };
 
 /// The medium at one sample; the gradient of mu is 0 outside the body.
@@ -104,7 +121,9 @@ class Beams {
     for (int sample = 0; sample < block_.samples; ++sample) {
       fetch(sample + kSamplesAhead);
       add_sample(sample, sums);
+      if (sample % kSinglePrecision == kSinglePrecision - 1) accumulators_.flush();
     }
+    accumulators_.flush();
     accumulators_.add_to(sums);
   }
 
@@ -149,19 +168,28 @@ class Beams {
 
     V p = mapped(hn::Set(d, scene_.outside_mu));
     V r = hn::Zero(d);
-    const V lost_before = lost_;
-    if (!hn::AllFalse(d, hn::AndNot(occluded_, inside))) {
+    const M dark = hn::AndNot(hn::Gt(echo_samples_, hn::Zero(d)), occluded_);
+    if (!hn::AllFalse(d, hn::AndNot(dark, inside))) {
+      const V lost_before = lost_;
+      const M occluded_before = occluded_;
       const Medium medium = medium_at(index, inside);
       transmit(medium);
       p = mapped(medium.mu);
       if (!scene_.on_intensity) r = reflected(medium, lost_before);
+      if (block_.echo_samples > 0) begin_echo(hn::AndNot(occluded_before, occluded_), r);
     }
     if (scene_.on_intensity) r = lost_share();
+    const M echoes = hn::Gt(echo_samples_, hn::Zero(d));
+    if (block_.echo_samples > 0) {
+      r = hn::IfThenElse(echoes, echo_, r);
+      echo_samples_ = hn::Sub(echo_samples_, hn::Set(d, 1.0F));
+    }
 
     const M in_body = hn::And(usable, hn::And(inside, in_body_));
     const M used = scene_.use_background ? usable : in_body;
-    const M insonified = hn::AndNot(occluded_, used);
-    const M occluded = hn::And(occluded_, used);
+    const M hidden = hn::AndNot(echoes, occluded_);
+    const M insonified = hn::AndNot(hidden, used);
+    const M occluded = hn::And(hidden, used);
     sums.in_body += count(in_body);
     sums.insonified += count(insonified);
     accumulators_.add(hn::IfThenElseZero(insonified, us),
@@ -171,6 +199,13 @@ class Beams {
       sums.occluded += count(occluded);
       accumulators_.add_occluded(hn::IfThenElseZero(occluded, us));
     }
+  }
+
+  /// Where a beam is reflected totally, that reflection lasts.
+  HWY_INLINE void begin_echo(M where, V r) {
+    echo_ = hn::IfThenElse(where, scene_.on_intensity ? hn::Set(d, 1.0F) : r, echo_);
+    const V samples = hn::Set(d, static_cast<float>(block_.echo_samples));
+    echo_samples_ = hn::IfThenElse(where, samples, echo_samples_);
   }
 
   static HWY_INLINE std::int64_t count(M mask) {
@@ -233,16 +268,17 @@ class Beams {
     lost_ = hn::Min(one, hn::MulAdd(loss, hn::Sub(one, lost_), lost_));
   }
 
-  /// Eqs 4.3, 4.5 and 4.7. Where everything is reflected, delta r has no effect.
+  /// Eqs 4.3, 4.5 and 4.7.
   HWY_INLINE V reflected(const Medium& medium, V lost_before) const {
     const V one = hn::Set(d, 1.0F);
     const V over_mu = scale(medium);
     const V gradient = hn::Sqrt(medium.gradient_square);
     const V delta =
         hn::Mul(hn::Mul(hn::Abs(medium.along_beam), gradient), hn::Mul(over_mu, over_mu));
+    const V share = hn::IfThenElse(medium.total, one, hn::Min(one, delta));
     const V strength =
-        hn::Mul(hn::Mul(hn::Sub(one, lost_before), delta), hn::Set(d, scene_.reflection_scale));
-    const V value = hn::Log1p(d, hn::Mul(hn::Min(one, strength), hn::Set(d, scene_.log_a)));
+        hn::Mul(hn::Mul(hn::Sub(one, lost_before), share), hn::Set(d, scene_.reflection_scale));
+    const V value = hn::Log(d, hn::MulAdd(hn::Min(one, strength), hn::Set(d, scene_.log_a), one));
     const V r = hn::Mul(value, hn::Set(d, log_factor_));
     return scene_.signed_reflection ? hn::CopySign(r, medium.along_beam) : r;
   }
@@ -271,6 +307,9 @@ class Beams {
   V lost_ = hn::Zero(d);  // 1 - I
   M occluded_ = none();
   M in_body_ = none();
+  /// Samples for which the surface that ended a beam still echoes, and its r.
+  V echo_samples_ = hn::Zero(d);
+  V echo_ = hn::Zero(d);
   Accumulators accumulators_;
 };
 
@@ -288,6 +327,24 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace usct::simulated_lc2 {
+
+Sums& Sums::operator+=(const Sums& other) {
+  in_body += other.in_body;
+  insonified += other.insonified;
+  occluded += other.occluded;
+  u += other.u;
+  p += other.p;
+  r += other.r;
+  uu += other.uu;
+  up += other.up;
+  ur += other.ur;
+  pp += other.pp;
+  pr += other.pr;
+  rr += other.rr;
+  u_occluded += other.u_occluded;
+  uu_occluded += other.uu_occluded;
+  return *this;
+}
 
 HWY_EXPORT(add_block);
 

@@ -49,6 +49,8 @@ struct Block {
   float per_sample_mm;  // 1 / spacing
   /// Power of t (eq 4.4) that one sample transmits; 0: t itself.
   float transmission_power;
+  /// Samples for which what reflects totally echoes; 0: it is occluded itself.
+  int echo_samples;
   /// samples x kLinesPerBlock; NaN where a sample does not count.
   const float* ultrasound;
   int samples;
@@ -61,6 +63,8 @@ struct Sums {
   double u = 0.0, p = 0.0, r = 0.0;
   double uu = 0.0, up = 0.0, ur = 0.0, pp = 0.0, pr = 0.0, rr = 0.0;
   double u_occluded = 0.0, uu_occluded = 0.0;
+
+  Sums& operator+=(const Sums& other);
 };
 
 /// Adds up eqs 4.3-4.8 along the beams of a block, with the widest vectors of this processor.

@@ -11,6 +11,8 @@
 namespace usct {
 namespace {
 
+constexpr double kMostEchoMm = 50.0;
+
 /// The CT values at a point and one voxel ahead and behind along each index axis, with these points
 /// kept within the CT.
 class Stencil {
@@ -62,6 +64,14 @@ struct Medium {
   std::uint8_t flags = 0;
 };
 
+/// What a beam carries from sample to sample.
+struct Sound {
+  double intensity = 1.0;  // I, eqs 4.5 and 4.6
+  /// Samples for which the surface where I became 0 still echoes, and its r (eq 4.5).
+  int echo_samples = 0;
+  double echo = 0.0;
+};
+
 class BeamSimulator {
  public:
   BeamSimulator(const BeamGrid& beams, const CtVolume& ct, const Eigen::Isometry3d& T_ct_us,
@@ -72,11 +82,11 @@ class BeamSimulator {
 
   void simulate(int line, int frame) const {
     const Eigen::Vector3d direction_ct = T_ct_us_.linear() * beams_.beam(frame, line).direction;
-    double intensity = 1.0;  // I of the preceding sample, eqs 4.5 and 4.6
+    Sound sound;
     bool in_body = false;
     for (int sample = 0; sample < beams_.samples(); ++sample) {
       const Medium medium = medium_at(T_ct_us_ * beams_.point(frame, line, sample), in_body);
-      intensity = propagate(medium, direction_ct, intensity, result_.offset(sample, line, frame));
+      propagate(medium, direction_ct, sound, result_.offset(sample, line, frame));
     }
   }
 
@@ -111,9 +121,9 @@ class BeamSimulator {
             medium.gradient.norm() >= occlusion.gradient_hu_per_mm);
   }
 
-  /// Computes eqs 4.3-4.8 at one sample from I of the sample before; returns I of this one.
-  double propagate(const Medium& medium, const Eigen::Vector3d& direction_ct,
-                   double intensity_before, std::size_t at) const {
+  /// Computes eqs 4.3-4.8 at one sample from the sound behind the sample before, and updates that.
+  void propagate(const Medium& medium, const Eigen::Vector3d& direction_ct, Sound& sound,
+                 std::size_t at) const {
     const double length = options_.gradient_length_mm;
     const double twice_mu = 2.0 * medium.mu;
     const double gradient = medium.gradient.norm();
@@ -126,18 +136,26 @@ class BeamSimulator {
       delta_r = std::copysign(1.0, along_beam);
       t = 0.0;
     }
-    const double intensity = intensity_before * over_one_sample(t);
+    double r = sound.intensity * delta_r;
+    const double intensity = sound.intensity * over_one_sample(t);
+    if (sound.intensity > 0.0 && intensity == 0.0)
+      sound = {intensity, options_.occlusion.echo_samples(beams_.axial.spacing_mm), r};
+    sound.intensity = intensity;
+    const bool echoes = sound.echo_samples > 0;
+    if (echoes) {
+      r = sound.echo;
+      --sound.echo_samples;
+    }
 
     result_.ct_hu[at] = static_cast<float>(medium.ct_hu);
     result_.gradient_hu_per_mm[at] = static_cast<float>(gradient);
     result_.reflection_coefficient[at] = static_cast<float>(delta_r);
     result_.transmission[at] = static_cast<float>(t);
     result_.intensity[at] = static_cast<float>(intensity);
-    result_.reflection[at] = static_cast<float>(compressed(intensity_before * delta_r, intensity));
+    result_.reflection[at] = static_cast<float>(compressed(r, intensity));
     result_.mapped_ct[at] = static_cast<float>(mapped(medium.mu));
     result_.flags[at] =
-        static_cast<std::uint8_t>(medium.flags | (intensity > 0.0 ? 0 : int{kOccluded}));
-    return intensity;
+        static_cast<std::uint8_t>(medium.flags | (intensity > 0.0 || echoes ? 0 : int{kOccluded}));
   }
 
   double over_one_sample(double t) const {
@@ -185,6 +203,10 @@ SimulatedComponents empty_components(const BeamGrid& beams) {
 
 }  // namespace
 
+int OcclusionOptions::echo_samples(double spacing_mm) const {
+  return echo_mm ? static_cast<int>(std::ceil(*echo_mm / spacing_mm)) : 0;
+}
+
 void SimulationOptions::validate(const std::string& source) const {
   const auto finite = [&](const char* field, double value) {
     require(std::isfinite(value), source, field, value, "finite");
@@ -202,6 +224,9 @@ void SimulationOptions::validate(const std::string& source) const {
   require(occlusion.bone_hu > occlusion.gas_hu, source, "bone_hu", occlusion.bone_hu, "> gas_hu");
   require(occlusion.gradient_hu_per_mm > 0.0, source, "gradient_hu_per_mm",
           occlusion.gradient_hu_per_mm, "> 0");
+  if (occlusion.echo_mm)
+    require(*occlusion.echo_mm > 0.0 && *occlusion.echo_mm <= kMostEchoMm, source, "echo_mm",
+            *occlusion.echo_mm, "> 0 and <= 50, or none");
   positive("log_a", log_a);
   positive("reflection_scale", reflection_scale);
   finite("map.slope", map.slope);

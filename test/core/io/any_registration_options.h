@@ -81,6 +81,7 @@ inline void randomise(SimulationOptions& o) {
   occlusion.bone_hu = between(300, 900);
   occlusion.gas_hu = between(-900, -300);
   occlusion.gradient_hu_per_mm = finite_or_infinite(100, 900);
+  occlusion.echo_mm = maybe(0.1, 10);
   compression = one_of({LogCompression::kReflection, LogCompression::kIntensity});
   log_a = between(1, 30);
   scale = between(1, 200);

@@ -235,6 +235,36 @@ void expect_same_bits(const OptimizerResult& a, const OptimizerResult& b) {
   EXPECT_EQ(a.status, b.status);
 }
 
+TEST(Optimizer, CmaEsAsksForAGenerationAtOnceAndFindsTheSame) {
+  const Cost bowl = rotated_quadratic(point_at(3.0, 6, 1), 10.0);
+  OptimizerProblem problem = problem_of(
+      [&](const Eigen::VectorXd& x) { return bowl(x) + rough(x); }, point_at(10.0, 6, 2));
+  for (const int budget : {5, 100, 700}) {
+    const OptimizerOptions options = options_of(OptimizerMethod::kCmaEs, budget);
+    problem.costs = nullptr;
+    const OptimizerResult one_by_one = optimize(problem, options);
+    std::size_t points = 0;
+    problem.costs = [&](const std::vector<Eigen::VectorXd>& generation) {
+      EXPECT_LE(generation.size(), 9U);
+      points += generation.size();
+      std::vector<double> costs;
+      for (const Eigen::VectorXd& x : generation) costs.push_back(problem.cost(x));
+      return costs;
+    };
+    expect_same_bits(one_by_one, optimize(problem, options));
+    // All but the start.
+    EXPECT_EQ(points + 1, static_cast<std::size_t>(one_by_one.evaluations)) << budget;
+  }
+}
+
+TEST(Optimizer, AGenerationThatThrowsReachesTheCaller) {
+  OptimizerProblem problem = bowl_problem();
+  problem.costs = [](const std::vector<Eigen::VectorXd>&) -> std::vector<double> {
+    throw std::runtime_error("the volume is gone");
+  };
+  EXPECT_THROW(optimize(problem, restless(OptimizerMethod::kCmaEs, 1000)), std::runtime_error);
+}
+
 TEST_P(Promise, TheSameSeedGivesTheSameBits) {
   const OptimizerResult first = rough_run(GetParam(), 5);
   rough_run(GetParam(), 6);  // must leave nothing behind

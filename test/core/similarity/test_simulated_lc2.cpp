@@ -91,6 +91,7 @@ SimulationOptions random_simulation() {
   options.gradient_length_mm = uniform(0.5, 4.0);
   options.occlusion.by_threshold = maybe();
   if (maybe()) options.occlusion.gradient_hu_per_mm = uniform(150.0, 400.0);
+  if (maybe()) options.occlusion.echo_mm = uniform(0.1, 8.0);
   options.log_a = uniform(5.0, 50.0);
   options.reflection_scale = uniform(20.0, 200.0);
   options.map.clamp = maybe();
@@ -196,6 +197,11 @@ TEST(SimulatedLc2, IsTheReferenceToSixDigitsOptionByOption) {
   expect_equal_with("length", [](SimulatedCase& c) { c.simulation.gradient_length_mm = 3.0; });
   expect_equal_with("gradient",
                     [](SimulatedCase& c) { c.simulation.occlusion.gradient_hu_per_mm = 120.0; });
+  expect_equal_with("echo", [](SimulatedCase& c) { c.simulation.occlusion.echo_mm = 3.0; });
+  expect_equal_with("echo of lost sound", [](SimulatedCase& c) {
+    c.simulation.occlusion.echo_mm = 3.0;
+    c.simulation.log_compression = LogCompression::kIntensity;
+  });
   expect_equal_with("gas", [](SimulatedCase& c) { c.simulation.occlusion.gas_hu = -200.0; });
   expect_equal_with("outside", [](SimulatedCase& c) { c.simulation.outside_hu = 120.0; });
   expect_equal_with("background", [](SimulatedCase& c) { c.fit.use_background = false; });

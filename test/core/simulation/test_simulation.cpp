@@ -131,6 +131,45 @@ TEST(Simulation, NothingIsSeenBehindBoneAndTheBoneReflectsAllThatArrives) {
   EXPECT_GT(open.intensity[open.offset(kSize - 1, 2, 0)], 0.0F);
 }
 
+TEST(Simulation, BoneEchoesForTheGivenLengthAndIsSeenAsLongAsThat) {
+  // Beams from above meet bone at y = 5, which is thinner than its echo is long.
+  const CtVolume ct = ct_of(centred_grid(kSize, 1.0), [](const auto& p) {
+    return p.y() >= 5.0 && p.y() < 7.0 ? 900.0 : 40.0;
+  });
+  SimulationOptions options;
+  options.occlusion.by_threshold = true;
+  for (const double echo_mm : {0.5, 2.0, 3.5}) {
+    options.occlusion.echo_mm = echo_mm;
+    const SimulatedComponents s = simulate(ct, downward_beams(kSize, 3, 1), options);
+    for (int sample = kMiddle + 5; sample < kSize; ++sample) {
+      const std::size_t at = s.offset(sample, 1, 0);
+      const bool echoes = sample - (kMiddle + 5) < echo_mm;
+      EXPECT_EQ(s.reflection[at], echoes ? 1.0F : 0.0F) << echo_mm << ' ' << sample;
+      EXPECT_EQ((s.flags[at] & kOccluded) == 0, echoes) << echo_mm << ' ' << sample;
+      EXPECT_EQ(s.intensity[at], 0.0F) << echo_mm << ' ' << sample;
+    }
+  }
+}
+
+TEST(Simulation, AnEchoHasTheReflectionOfTheSoundThatArrives) {
+  // A ramp takes a part of the sound before the bone; eq 4.7 with a = 15, s = 1.
+  const CtVolume ct = ct_of(centred_grid(kSize, 1.0), [](const auto& p) {
+    return p.y() >= 8.0 ? 900.0 : p.y() < 0.0 ? -300.0 : -300.0 + 80.0 * p.y();
+  });
+  SimulationOptions options;
+  options.occlusion.by_threshold = true;
+  options.occlusion.echo_mm = 2.0;
+  options.reflection_scale = 1.0;
+  const SimulatedComponents s = simulate(ct, downward_beams(kSize, 3, 1), options);
+  const double arrives = s.intensity[s.offset(kMiddle + 7, 1, 0)];
+  ASSERT_GT(arrives, 0.1);
+  ASSERT_LT(arrives, 0.99);
+  const double expected = std::log(1.0 + 15.0 * arrives) / std::log(16.0);
+  EXPECT_NEAR(s.reflection[s.offset(kMiddle + 8, 1, 0)], expected, 1e-6);
+  EXPECT_NEAR(s.reflection[s.offset(kMiddle + 9, 1, 0)], expected, 1e-6);
+  EXPECT_EQ(s.reflection[s.offset(kMiddle + 10, 1, 0)], 0.0F);
+}
+
 TEST(Simulation, GasOccludesInTheBodyButAirInFrontOfItDoesNot) {
   // Air to y = -10, a gas bubble at y = 5..6.
   const CtVolume ct = ct_of(centred_grid(kSize, 1.0), [](const auto& p) {

@@ -99,6 +99,7 @@ void describe(Fields& fields, OcclusionOptions& o) {
   fields("bone_hu", o.bone_hu);
   fields("gas_hu", o.gas_hu);
   fields("gradient_hu_per_mm", o.gradient_hu_per_mm);
+  fields("echo_mm", o.echo_mm);
 }
 
 template <typename Fields>
