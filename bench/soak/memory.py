@@ -3,8 +3,8 @@ import pathlib
 import re
 import statistics
 
-# Caches and pools fill at first. Each thread of glibc keeps what it freed, so that ct_server's memory rises until each of
-# its threads has loaded a CT.
+# Caches and pools fill at first. In a manager of nodelets each thread of glibc keeps what it freed, so that its memory rises
+# until each of its threads has loaded a CT.
 WARM_UP_S = 240.0
 # A life of a process after that is judged if it lasted so long.
 LEAST_S = 240.0
