@@ -82,6 +82,12 @@ class Process:
     def exit_status(self):
         return self._process.wait(LIMIT_S)
 
+    def own_mib(self):
+        """Its memory that no file backs, MiB."""
+        with open(f"/proc/{self._process.pid}/status") as stream:
+            kb = next(line.split()[1] for line in stream if line.startswith("RssAnon:"))
+        return int(kb) / 1024
+
     def log(self):
         with open(self._log_path, errors="replace") as stream:
             return stream.read()

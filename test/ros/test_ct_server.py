@@ -394,6 +394,20 @@ class CtServer(unittest.TestCase):
         self.assertGreater(answer.revision, held)
         self.expect_ct(self.get().volume, HOUNSFIELD + numpy.int16(7))
 
+    def test_memory_does_not_grow_from_ct_to_ct(self):
+        # 15 MiB each; any of the node's threads may load it.
+        large = numpy.zeros((110, 220, 320), "<i2")
+        large[30:80, 50:150, 100:200] = 300
+        write_nrrd(self.root + "/large.nrrd", large)
+        process = self.start(data_root=self.root)
+        sizes_mib = []
+        for _ in range(12):
+            answer = self.load("large.nrrd")
+            self.assertEqual(answer.status.code, StatusCode.OK, answer.status.message)
+            self.volume.wait(lambda m: m.revision == answer.revision, "the CT")
+            sizes_mib.append(process.own_mib())
+        self.assertLess(max(sizes_mib) - sizes_mib[1], large.nbytes / 2**20, sizes_mib)
+
     def test_no_patient_is_named(self):
         heard = {}
 
