@@ -67,6 +67,11 @@ void start_from_all_orientations(RegistrationOptions& options) {
     throw InputError("--all-orientations", "is given, but the search of the options has no starts");
   starts->region = StartRegion::kBall;
   starts->rotation_rad = kPi;  // up to half a turn
+  // Orientations need more starts than the few dozen degrees that presets are made for. With this
+  // factor all of the real sweeps on which it was tried are found, with 1 most (docs/accuracy.md).
+  constexpr int kTimesAsWide = 2;
+  starts->count *= kTimesAsWide;
+  for (LevelOptions& level : options.search.levels) level.optimised *= kTimesAsWide;
 }
 
 RegistrationOptions options_of(const RegisterCommand& command) {
