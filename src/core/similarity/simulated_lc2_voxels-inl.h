@@ -13,26 +13,11 @@
 #include <cstdint>
 
 #include "similarity/simulated_lc2_kernel.h"
+#include "similarity/simulated_lc2_sums-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::simulated_lc2::HWY_NAMESPACE {
 namespace {
-
-namespace hn = hwy::HWY_NAMESPACE;
-
-using D = hn::CappedTag<float, kLinesPerBlock>;
-using DI = hn::RebindToSigned<D>;
-#if HWY_TARGET == HWY_SCALAR
-using DD = hn::Rebind<double, D>;
-#else
-using DD = hn::Repartition<double, D>;
-#endif
-using V = hn::Vec<D>;
-using VI = hn::Vec<DI>;
-using VD = hn::Vec<DD>;
-using M = hn::Mask<D>;
-constexpr D d;
-constexpr DI di;
 
 HWY_INLINE M none() { return hn::FirstN(d, 0); }
 
