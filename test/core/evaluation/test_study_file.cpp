@@ -142,7 +142,7 @@ TEST_F(StudyFile, ThoseThatShipAreRead) {
                                                          {"comparison.yaml", 13},
                                                          {"mu_offset.yaml", 5},
                                                          {"robustness.yaml", 2},
-                                                         {"thesis_patient.yaml", 3},
+                                                         {"thesis_patient.yaml", 4},
                                                          {"thesis_phantom.yaml", 3},
                                                          {"transfer.yaml", 3}}));
 }
