@@ -50,7 +50,7 @@ struct OcclusionOptions {
   /// the surface itself is occluded already, as eq 4.9 says.
   std::optional<double> echo_mm;
 
-  /// How many samples of a beam the echo of a surface covers.
+  /// The echo of a surface covers this many samples of a beam.
   int echo_samples(double spacing_mm) const;
 };
 

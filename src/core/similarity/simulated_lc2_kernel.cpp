@@ -126,7 +126,7 @@ class Beams {
     }
   }
 
-  /// Where a beam is reflected totally, that reflection lasts.
+  /// Beams that end in `where` keep their reflection r as long as the echo lasts.
   HWY_INLINE void begin_echo(M where, V r) {
     echo_ = hn::IfThenElse(where, scene_.on_intensity ? hn::Set(d, 1.0F) : r, echo_);
     const V samples = hn::Set(d, static_cast<float>(block_.echo_samples));

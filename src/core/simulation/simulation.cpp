@@ -64,7 +64,7 @@ struct Medium {
   std::uint8_t flags = 0;
 };
 
-/// What a beam carries from sample to sample.
+/// A beam hands this state from sample to sample.
 struct Sound {
   double intensity = 1.0;  // I, eqs 4.5 and 4.6
   /// Samples for which the surface where I became 0 still echoes, and its r (eq 4.5).
