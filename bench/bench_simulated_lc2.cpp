@@ -52,8 +52,8 @@ const Case& thesis_case() {
   return result;
 }
 
-void finish_samples(benchmark::State& state) {
-  const auto samples = static_cast<std::int64_t>(thesis_case().ultrasound.brightness.size());
+void finish_samples(benchmark::State& state, std::int64_t samples = static_cast<std::int64_t>(
+                                                 thesis_case().ultrasound.brightness.size())) {
   finish(state, samples);
   state.counters["per_sample"] = benchmark::Counter(
       static_cast<double>(samples),
@@ -92,6 +92,29 @@ void fused(benchmark::State& state, std::int64_t target, const SimulationOptions
   finish_samples(state);
 }
 
+/// What CMA-ES asks for at a time: the poses of a generation in six dimensions, here some
+/// millimetres and degrees apart.
+void generation(benchmark::State& state) {
+  const Case& c = thesis_case();
+  const ThreadCount threads(1);
+  std::vector<SimilarityPose> poses;
+  for (int i = 0; i < 9; ++i) {
+    const auto offset = [i](int axis) { return std::sin(1.0 + 2.3 * i + 1.7 * axis); };
+    Eigen::Isometry3d T = c.T_ct_us;
+    T.translation() += 2.0 * Eigen::Vector3d(offset(0), offset(1), offset(2));
+    T.rotate(Eigen::AngleAxisd(0.03 * offset(3), Eigen::Vector3d(1, i, 2).normalized()));
+    poses.push_back({T, {}});
+  }
+  std::vector<SimilarityValue> values(poses.size());
+  const auto similarity = make_simulated_lc2(c.ultrasound, {}, c.ct, {}, {});
+  for (auto _ : state) {
+    similarity->evaluate(poses.data(), poses.size(), values.data(), {});
+    benchmark::DoNotOptimize(values.data());
+  }
+  const auto samples = static_cast<std::int64_t>(c.ultrasound.brightness.size() * poses.size());
+  finish_samples(state, samples);
+}
+
 SimulationOptions nearest() {
   SimulationOptions options;
   options.interpolation = Interpolation::kNearest;
@@ -113,6 +136,7 @@ SimulationOptions windowed_with_thresholds() {
 
 BENCHMARK_CAPTURE(reference, trilinear, Interpolation::kTrilinear)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(reference, nearest, Interpolation::kNearest)->Unit(benchmark::kMillisecond);
+BENCHMARK(generation)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fused, avx2_trilinear, HWY_AVX2, {})->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fused, avx2_intensity, HWY_AVX2, intensity())->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fused, avx2_nearest, HWY_AVX2, nearest())->Unit(benchmark::kMillisecond);

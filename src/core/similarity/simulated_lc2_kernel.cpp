@@ -1,5 +1,6 @@
 #include "similarity/simulated_lc2_kernel.h"
 
+#include <algorithm>
 #include <cmath>
 
 // Vectors are struct members, which rules out scalable ones; SSSE3 without SSE4 is extinct.
@@ -19,8 +20,12 @@ HWY_BEFORE_NAMESPACE();
 namespace usct::simulated_lc2::HWY_NAMESPACE {
 namespace {
 
-/// The CT is prefetched this many samples before its use.
-constexpr int kSamplesAhead = 4;
+/// Where a sample of each beam lies in the CT.
+struct Place {
+  Cell cell;
+  M inside;    // the CT
+  bool inner;  // all beams, and the points of their gradients, are inside
+};
 
 /// The medium at one sample; the gradient of mu is 0 outside the body.
 struct Medium {
@@ -30,7 +35,16 @@ struct Medium {
   M total;            // total reflection by a threshold
 };
 
-/// As many beams as a vector has lanes, beginning at `lane` of the block.
+/// What the beams receive from a sample.
+struct Echo {
+  V p;         // mapped CT
+  V strength;  // of the reflection before its log compression, 0 to 1
+  M insonified, occluded;
+};
+
+/// As many beams as a vector has lanes, beginning at `lane` of the block. Samples go through four
+/// steps, each of which takes a run of them: a processor overlaps the samples of a step, which wait
+/// for memory or for the logarithm, but not the long sequence of all steps.
 template <bool kNearest>
 class Beams {
  public:
@@ -40,15 +54,21 @@ class Beams {
         ultrasound_(block.ultrasound + lane),
         first_(load(block.first, lane)),
         step_(load(block.step, lane)),
-        log_factor_(1.0F / std::log1p(scene.log_a)) {}
+        log_factor_(1.0F / std::log1p(scene.log_a)),
+        inner_(inner_samples(scene, first_, step_)) {}
 
   HWY_INLINE void run(Sums& sums) {
-    for (int sample = 0; sample < block_.samples; ++sample) {
-      fetch(sample + kSamplesAhead);
-      add_sample(sample, sums);
-      if (sample % kSinglePrecision == kSinglePrecision - 1) accumulators_.flush();
+    for (int n = 0; n < kRun; ++n) locate(n, places_[n]);
+    for (int begin = 0; begin < block_.samples; begin += kRun) {
+      const int count = std::min(kRun, block_.samples - begin);
+      for (int n = 0; n < count; ++n) interpolate(places_[n], voxels_[n]);
+      for (int n = 0; n < count; ++n) echoes_[n] = echo_of(begin + n, places_[n], voxels_[n], sums);
+      for (int n = 0; n < count; ++n) {
+        add(ultrasound(begin + n), echoes_[n], sums);
+        locate(begin + kRun + n, places_[n]);
+      }
+      accumulators_.flush();
     }
-    accumulators_.flush();
     accumulators_.add_to(sums);
   }
 
@@ -64,11 +84,17 @@ class Beams {
             hn::MulAdd(step_.z, n, first_.z)};
   }
 
-  /// Prefetches the CT: it is larger than the caches, and each beam takes its own path through it.
-  HWY_INLINE void fetch(int sample) const {
+  /// Also prefetches the voxels there: the CT is larger than the caches, and each beam takes its
+  /// own path through it.
+  HWY_INLINE void locate(int sample, Place& place) const {
+    const Index index = index_of(sample);
+    place.inner = inner_.contains(sample);
+    place.inside = place.inner ? hn::FirstN(d, hn::Lanes(d)) : contains(scene_, index);
+    place.cell = cell_at(scene_, place.inner && !kNearest ? index : kept_within(scene_, index));
     HWY_ALIGN std::int32_t lower[kLinesPerBlock];
-    hn::Store(cell_at(scene_, kept_within(scene_, index_of(sample))).lower, di, lower);
-    for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+    hn::Store(place.cell.lower, di, lower);
+    // Neighbouring beams are about a voxel apart, and a line of the cache holds eight voxels.
+    for (std::size_t lane = 0; lane < hn::Lanes(d); lane += 2) {
       fetch_rows(scene_.voxels + lower[lane]);
       if (scene_.windowed && scene_.by_threshold) fetch_rows(scene_.hu + lower[lane]);
     }
@@ -85,50 +111,63 @@ class Beams {
     hwy::Prefetch(row + step.y + step.z);
   }
 
-  HWY_INLINE void add_sample(int sample, Sums& sums) {
-    const Index index = index_of(sample);
-    const M inside = contains(scene_, index);
-    const V us = hn::LoadU(d, ultrasound_ + static_cast<std::ptrdiff_t>(sample) * kLinesPerBlock);
-    const M usable = hn::Eq(us, us);
+  HWY_INLINE V ultrasound(int sample) const {
+    return hn::LoadU(d, ultrasound_ + static_cast<std::ptrdiff_t>(sample) * kLinesPerBlock);
+  }
 
-    V p = mapped(hn::Set(d, scene_.outside_mu));
-    V r = hn::Zero(d);
+  /// Whether all beams are occluded there, or outside the CT. What is dark remains so.
+  HWY_INLINE bool is_empty(const Place& place) const {
     const M dark = hn::AndNot(hn::Gt(echo_samples_, hn::Zero(d)), occluded_);
-    if (!hn::AllFalse(d, hn::AndNot(dark, inside))) {
+    return hn::AllFalse(d, hn::AndNot(dark, place.inside));
+  }
+
+  HWY_INLINE void interpolate(const Place& place, Voxels& voxels) const {
+    if (!is_empty(place)) voxels = sample<kNearest>(scene_, place.cell);
+  }
+
+  HWY_INLINE Echo echo_of(int sample, const Place& place, const Voxels& voxels, Sums& sums) {
+    const V us = ultrasound(sample);
+    const M usable = hn::Eq(us, us);
+    V p = mapped(hn::Set(d, scene_.outside_mu));
+    V strength = hn::Zero(d);
+    if (!is_empty(place)) {
       const V lost_before = lost_;
       const M occluded_before = occluded_;
-      const Medium medium = medium_at(index, inside);
+      const Medium medium = medium_at(place, voxels);
       transmit(medium);
       p = mapped(medium.mu);
-      if (!scene_.on_intensity) r = reflected(medium, lost_before);
-      if (block_.echo_samples > 0) begin_echo(hn::AndNot(occluded_before, occluded_), r);
+      if (!scene_.on_intensity) strength = reflected(medium, lost_before);
+      if (block_.echo_samples > 0) begin_echo(hn::AndNot(occluded_before, occluded_), strength);
     }
-    if (scene_.on_intensity) r = lost_share();
+    if (scene_.on_intensity) strength = lost_share();
     const M echoes = hn::Gt(echo_samples_, hn::Zero(d));
     if (block_.echo_samples > 0) {
-      r = hn::IfThenElse(echoes, echo_, r);
+      strength = hn::IfThenElse(echoes, echo_, strength);
       echo_samples_ = hn::Sub(echo_samples_, hn::Set(d, 1.0F));
     }
 
-    const M in_body = hn::And(usable, hn::And(inside, in_body_));
+    const M in_body = hn::And(usable, hn::And(place.inside, in_body_));
     const M used = scene_.use_background ? usable : in_body;
     const M hidden = hn::AndNot(echoes, occluded_);
-    const M insonified = hn::AndNot(hidden, used);
-    const M occluded = hn::And(hidden, used);
     sums.in_body += count(in_body);
-    sums.insonified += count(insonified);
-    accumulators_.add(hn::IfThenElseZero(insonified, us),
-                      hn::IfThenElseZero(insonified, hn::Sub(p, hn::Set(d, scene_.p_origin))),
-                      hn::IfThenElseZero(insonified, r));
-    if (HWY_UNLIKELY(!hn::AllFalse(d, occluded))) {
-      sums.occluded += count(occluded);
-      accumulators_.add_occluded(hn::IfThenElseZero(occluded, us));
+    return {p, strength, hn::AndNot(hidden, used), hn::And(hidden, used)};
+  }
+
+  HWY_INLINE void add(V us, const Echo& echo, Sums& sums) {
+    sums.insonified += count(echo.insonified);
+    accumulators_.add(
+        hn::IfThenElseZero(echo.insonified, us),
+        hn::IfThenElseZero(echo.insonified, hn::Sub(echo.p, hn::Set(d, scene_.p_origin))),
+        hn::IfThenElseZero(echo.insonified, compressed(echo.strength)));
+    if (HWY_UNLIKELY(!hn::AllFalse(d, echo.occluded))) {
+      sums.occluded += count(echo.occluded);
+      accumulators_.add_occluded(hn::IfThenElseZero(echo.occluded, us));
     }
   }
 
-  /// Beams that end in `where` keep their reflection r as long as the echo lasts.
-  HWY_INLINE void begin_echo(M where, V r) {
-    echo_ = hn::IfThenElse(where, scene_.on_intensity ? hn::Set(d, 1.0F) : r, echo_);
+  /// Beams that end in `where` keep their reflection as long as the echo lasts.
+  HWY_INLINE void begin_echo(M where, V strength) {
+    echo_ = hn::IfThenElse(where, scene_.on_intensity ? hn::Set(d, 1.0F) : strength, echo_);
     const V samples = hn::Set(d, static_cast<float>(block_.echo_samples));
     echo_samples_ = hn::IfThenElse(where, samples, echo_samples_);
   }
@@ -137,9 +176,9 @@ class Beams {
     return static_cast<std::int64_t>(hn::CountTrue(d, mask));
   }
 
-  HWY_INLINE Medium medium_at(const Index& at, M inside) {
-    const Cell cell = cell_at(scene_, kept_within(scene_, at));
-    const Voxels voxels = sample<kNearest>(scene_, cell);
+  HWY_INLINE Medium medium_at(const Place& place, const Voxels& voxels) {
+    const Cell& cell = place.cell;
+    const M inside = place.inside;
     const M waiting = hn::AndNot(in_body_, inside);
     const bool any_waiting = !hn::AllFalse(d, waiting);
     const bool as_it_is = scene_.windowed && (scene_.by_threshold || any_waiting);
@@ -155,7 +194,7 @@ class Beams {
 
     const V mu =
         hn::Max(hn::Add(voxels.hu, hn::Set(d, scene_.hu_shift)), hn::Set(d, scene_.mu_floor));
-    const Index change = per_voxel(scene_, cell.index, voxels.difference);
+    const Index change = per_voxel(scene_, place.inner, cell.index, voxels.difference);
     const V x = hn::Mul(change.x, hn::Set(d, scene_.voxels_per_mm[0]));
     const V y = hn::Mul(change.y, hn::Set(d, scene_.voxels_per_mm[1]));
     const V z = hn::Mul(change.z, hn::Set(d, scene_.voxels_per_mm[2]));
@@ -193,7 +232,7 @@ class Beams {
     lost_ = hn::Min(one, hn::MulAdd(loss, hn::Sub(one, lost_), lost_));
   }
 
-  /// Eqs 4.3, 4.5 and 4.7.
+  /// Eqs 4.3 and 4.5.
   HWY_INLINE V reflected(const Medium& medium, V lost_before) const {
     const V one = hn::Set(d, 1.0F);
     const V over_mu = scale(medium);
@@ -203,18 +242,26 @@ class Beams {
     const V share = hn::IfThenElse(medium.total, one, hn::Min(one, delta));
     const V strength =
         hn::Mul(hn::Mul(hn::Sub(one, lost_before), share), hn::Set(d, scene_.reflection_scale));
-    const V value = hn::Log(d, hn::MulAdd(hn::Min(one, strength), hn::Set(d, scene_.log_a), one));
-    const V r = hn::Mul(value, hn::Set(d, log_factor_));
+    const V r = hn::Min(one, strength);
     return scene_.signed_reflection ? hn::CopySign(r, medium.along_beam) : r;
   }
 
-  /// Eq 4.7 as printed: 1 - log(1 + a I) / log(1 + a), as the logarithm of one quotient.
+  /// The s with which eq 4.7 as printed, 1 - log(1 + a I) / log(1 + a), is log(1 + a s) / log(1 +
+  /// a).
   HWY_INLINE V lost_share() const {
-    const V a = hn::Set(d, scene_.log_a);
     const V one = hn::Set(d, 1.0F);
-    const V rest = hn::MulAdd(a, hn::Sub(one, lost_), one);
-    const V value = hn::Log1p(d, hn::Div(hn::Mul(a, lost_), rest));
-    return hn::Mul(value, hn::Set(d, log_factor_));
+    return hn::Div(lost_, hn::MulAdd(hn::Set(d, scene_.log_a), hn::Sub(one, lost_), one));
+  }
+
+  /// Eq 4.7: sign(s) log(1 + a |s|) / log(1 + a).
+  HWY_INLINE V compressed(V strength) const {
+    const V magnitude = scene_.signed_reflection ? hn::Abs(strength) : strength;
+    const V scaled = hn::Mul(magnitude, hn::Set(d, scene_.log_a));
+    // The losses of a beam are small, and need the precision.
+    const V log =
+        scene_.on_intensity ? hn::Log1p(d, scaled) : hn::Log(d, hn::Add(scaled, hn::Set(d, 1.0F)));
+    const V r = hn::Mul(log, hn::Set(d, log_factor_));
+    return scene_.signed_reflection ? hn::CopySign(r, strength) : r;
   }
 
   /// Eq 4.8.
@@ -229,6 +276,10 @@ class Beams {
   const float* ultrasound_;
   Index first_, step_;
   float log_factor_;
+  Range inner_;
+  Place places_[kRun];
+  Voxels voxels_[kRun];
+  Echo echoes_[kRun];
   V lost_ = hn::Zero(d);  // 1 - I
   M occluded_ = none();
   M in_body_ = none();

@@ -34,9 +34,9 @@ using M = hn::Mask<D>;
 constexpr D d;
 constexpr DI di;
 
-/// So many samples of a beam are added up in single precision, whose error is then that of one
-/// rounding or so and differs from sum to sum.
-constexpr int kSinglePrecision = 16;
+/// Samples of a beam in a run. A run is added up in single precision, whose error is then that of
+/// one rounding or so and differs from sum to sum.
+constexpr int kRun = 16;
 
 /// The sum of a quantity over the samples of a block, lane by lane.
 class Accumulator {

@@ -10,6 +10,7 @@
 
 #include <hwy/highway.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "similarity/simulated_lc2_kernel.h"
@@ -209,20 +210,45 @@ HWY_INLINE V per_voxel(const Scene& scene, int axis, V index, V difference) {
   return hn::Div(hn::Mul(difference, unit), hn::Max(apart, hn::Set(d, 1.0F)));
 }
 
-HWY_INLINE M is_inner(const Scene& scene, int axis, V index) {
-  const V one = hn::Set(d, 1.0F);
-  return hn::And(hn::Ge(index, one), hn::Le(index, hn::Sub(last_of(scene, axis), one)));
-}
-
-HWY_INLINE Index per_voxel(const Scene& scene, const Index& index, const Index& difference) {
-  const M inner = hn::And(is_inner(scene, 0, index.x),
-                          hn::And(is_inner(scene, 1, index.y), is_inner(scene, 2, index.z)));
-  if (HWY_LIKELY(hn::AllTrue(d, inner))) {
+HWY_INLINE Index per_voxel(const Scene& scene, bool inner, const Index& index,
+                           const Index& difference) {
+  if (HWY_LIKELY(inner)) {
     const V half = hn::Set(d, 0.5F * scene.difference_unit);
     return {hn::Mul(difference.x, half), hn::Mul(difference.y, half), hn::Mul(difference.z, half)};
   }
   return {per_voxel(scene, 0, index.x, difference.x), per_voxel(scene, 1, index.y, difference.y),
           per_voxel(scene, 2, index.z, difference.z)};
+}
+
+/// Samples from `begin` to before `end`.
+struct Range {
+  float begin, end;
+  HWY_INLINE bool contains(int sample) const {
+    const auto n = static_cast<float>(sample);
+    return begin <= n && n < end;
+  }
+};
+
+/// The samples at which all beams, and the points of their gradients, are inside the CT, which is
+/// convex. Samples within a thousandth of a voxel of its border do not count.
+HWY_INLINE Range inner_samples(const Scene& scene, const Index& first, const Index& step) {
+  const bool has_inner = std::min({scene.size[0], scene.size[1], scene.size[2]}) > 3;
+  V begin = hn::Zero(d);
+  V end = hn::Set(d, has_inner ? 1e9F : 0.0F);
+  const V first_of[3] = {first.x, first.y, first.z};
+  const V step_of[3] = {step.x, step.y, step.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    const V low = hn::Set(d, 1.001F);
+    const V high = hn::Sub(last_of(scene, axis), low);
+    // A step of zero would make 0 / 0 of a beam along the border.
+    const V tiny = hn::Set(d, 1e-6F);
+    const V slope = hn::IfThenElse(hn::Lt(hn::Abs(step_of[axis]), tiny), tiny, step_of[axis]);
+    const V to_low = hn::Div(hn::Sub(low, first_of[axis]), slope);
+    const V to_high = hn::Div(hn::Sub(high, first_of[axis]), slope);
+    begin = hn::Max(begin, hn::Min(to_low, to_high));
+    end = hn::Min(end, hn::Max(to_low, to_high));
+  }
+  return {hn::GetLane(hn::MaxOfLanes(d, begin)), hn::GetLane(hn::MinOfLanes(d, end))};
 }
 
 }  // namespace
