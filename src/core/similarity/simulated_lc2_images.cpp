@@ -8,7 +8,7 @@
 namespace usct::simulated_lc2 {
 
 DifferencedCt::DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
-    : grid_(ct.grid), hu_(ct.voxels.begin(), ct.voxels.end()), voxels_(ct.voxels.size()) {
+    : grid_(ct.grid), hu_(ct.voxels.begin(), ct.voxels.end()), voxels_(ct.voxels.size() + 1) {
   hu_.push_back(0);
   const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
   const CtVolume& seen = window ? limited : ct;

@@ -120,54 +120,82 @@ HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
 
 #else
 
-using DI64 = hn::Repartition<std::int64_t, D>;
-
-/// Half of the lanes of Voxels: hu and difference[1] in turn, difference[0] and [2] in turn.
-struct Pairs {
-  V even, odd;
-};
-
-HWY_INLINE Pairs load(const PackedVoxel* voxels, hn::Vec<DI64> offsets) {
-  const auto* words = reinterpret_cast<const std::int64_t*>(voxels);
-  const VI both = hn::BitCast(di, hn::GatherIndex(DI64(), words, offsets));
-  return {hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(both))),
-          hn::ConvertTo(d, hn::ShiftRight<16>(both))};
+/// Sums of the products of the two 16-bit integers in each lane.
+HWY_INLINE VI sum_of_products(VI a, VI b) {
+#if HWY_ARCH_X86
+  using DI16 = hn::Repartition<std::int16_t, D>;
+  VI rest = hn::Zero(di);
+  return hn::ReorderWidenMulAccumulate(di, hn::BitCast(DI16(), a), hn::BitCast(DI16(), b),
+                                       hn::Zero(di), rest);
+#else
+  const VI low =
+      hn::Mul(hn::ShiftRight<16>(hn::ShiftLeft<16>(a)), hn::ShiftRight<16>(hn::ShiftLeft<16>(b)));
+  return hn::Add(low, hn::Mul(hn::ShiftRight<16>(a), hn::ShiftRight<16>(b)));
+#endif
 }
 
-HWY_INLINE Pairs lerp(const Pairs& a, const Pairs& b, V w) {
-  return {lerp(a.even, b.even, w), lerp(a.odd, b.odd, w)};
-}
-
-HWY_INLINE Pairs trilinear(const Scene& scene, hn::Vec<DI64> offsets, const Index& w) {
-  const Strides step(scene);
-  const auto along_x = [&](std::int64_t start) HWY_ATTR {
-    const PackedVoxel* row = scene.voxels + start;
-    return lerp(load(row, offsets), load(row + step.x, offsets), w.x);
+/// One voxel and the next along x for every fourth lane: a block of four 32-bit lanes has those of
+/// its own first lane. `lower` begins at the lane wanted in the first block.
+HWY_INLINE VI load(const PackedVoxel* row, const std::int32_t* lower) {
+  const auto at = [&](int block) HWY_ATTR {
+    return hn::LoadDup128(di, reinterpret_cast<const std::int32_t*>(row + lower[4 * block]));
   };
-  return lerp(lerp(along_x(0), along_x(step.y), w.y),
-              lerp(along_x(step.z), along_x(step.z + step.y), w.y), w.z);
+  VI both = at(0);
+  for (int block = 1; block < static_cast<int>(hn::Lanes(d)) / 4; ++block)
+    both = hn::IfThenElse(hn::Not(hn::FirstN(di, static_cast<std::size_t>(4 * block))), at(block),
+                          both);
+  return both;
+}
+
+/// Largest weight of an interpolation along x, which is one of integers.
+constexpr float kMostWeight = 32767.0F;
+
+/// Values of a voxel, kMostWeight times as large, in the four lanes of each block: interpolated at
+/// the block's lane `kLane`.
+template <bool kNearest, int kLane>
+HWY_INLINE V values_at(const Scene& scene, const std::int32_t* lower, VI weights, const Index& w) {
+  // The integers of two voxels in turn.
+  alignas(16) static constexpr std::uint8_t kInTurn[16] = {0, 1, 8,  9,  2, 3, 10, 11,
+                                                           4, 5, 12, 13, 6, 7, 14, 15};
+  using DU8 = hn::Repartition<std::uint8_t, D>;
+  const auto in_turn = hn::BitCast(di, hn::LoadDup128(DU8(), kInTurn));
+  const VI along_x = hn::Broadcast<kLane>(weights);
+  const auto row = [&](std::int64_t start) HWY_ATTR {
+    const VI both = load(scene.voxels + start, lower + kLane);
+    return hn::ConvertTo(d, sum_of_products(hn::TableLookupBytes(both, in_turn), along_x));
+  };
+  if (kNearest) return row(0);
+  const Strides step(scene);
+  const V y = hn::Broadcast<kLane>(w.y);
+  return lerp(lerp(row(0), row(step.y), y), lerp(row(step.z), row(step.z + step.y), y),
+              hn::Broadcast<kLane>(w.z));
 }
 
 template <bool kNearest>
 HWY_INLINE Voxels sample(const Scene& scene, const Cell& cell) {
-  // Lanes 0 1, 4 5, ... and 2 3, 6 7, ...: the order of interleaving within 128 bits.
-  const auto low = hn::BitCast(DI64(), hn::InterleaveLower(di, cell.lower, hn::Zero(di)));
-  const auto high = hn::BitCast(DI64(), hn::InterleaveUpper(di, cell.lower, hn::Zero(di)));
-  const auto pairs = [&](hn::Vec<DI64> offsets, const Index& w) HWY_ATTR {
-    return kNearest ? load(scene.voxels, offsets) : trilinear(scene, offsets, w);
+  HWY_ALIGN std::int32_t lower[kLinesPerBlock];
+  hn::Store(cell.lower, di, lower);
+  const VI above = hn::NearestInt(hn::Mul(cell.w.x, hn::Set(d, kMostWeight)));
+  const VI below = hn::Sub(hn::Set(di, static_cast<std::int32_t>(kMostWeight)), above);
+  const VI weights = hn::Or(below, hn::ShiftLeft<16>(above));
+  const V a = values_at<kNearest, 0>(scene, lower, weights, cell.w);
+  const V b = values_at<kNearest, 1>(scene, lower, weights, cell.w);
+  const V c = values_at<kNearest, 2>(scene, lower, weights, cell.w);
+  const V e = values_at<kNearest, 3>(scene, lower, weights, cell.w);
+  // A block of four lanes by four values is transposed.
+  using D64 = hn::Repartition<std::uint64_t, D>;
+  const V unit = hn::Set(d, 1.0F / kMostWeight);
+  const auto low = [&](V first, V second) HWY_ATTR {
+    return hn::Mul(unit, hn::BitCast(d, hn::InterleaveLower(D64(), hn::BitCast(D64(), first),
+                                                            hn::BitCast(D64(), second))));
   };
-  const Index& w = cell.w;
-  const Pairs a = pairs(low, {hn::InterleaveLower(d, w.x, w.x), hn::InterleaveLower(d, w.y, w.y),
-                              hn::InterleaveLower(d, w.z, w.z)});
-  const Pairs b = pairs(high, {hn::InterleaveUpper(d, w.x, w.x), hn::InterleaveUpper(d, w.y, w.y),
-                               hn::InterleaveUpper(d, w.z, w.z)});
-  const V even_low = hn::InterleaveLower(d, a.even, b.even);
-  const V even_high = hn::InterleaveUpper(d, a.even, b.even);
-  const V odd_low = hn::InterleaveLower(d, a.odd, b.odd);
-  const V odd_high = hn::InterleaveUpper(d, a.odd, b.odd);
-  return {hn::InterleaveLower(d, even_low, even_high),
-          {hn::InterleaveLower(d, odd_low, odd_high), hn::InterleaveUpper(d, even_low, even_high),
-           hn::InterleaveUpper(d, odd_low, odd_high)}};
+  const auto high = [&](V first, V second) HWY_ATTR {
+    return hn::Mul(unit, hn::BitCast(d, hn::InterleaveUpper(D64(), hn::BitCast(D64(), first),
+                                                            hn::BitCast(D64(), second))));
+  };
+  const V ab = hn::InterleaveLower(d, a, b), ce = hn::InterleaveLower(d, c, e);
+  const V ab_rest = hn::InterleaveUpper(d, a, b), ce_rest = hn::InterleaveUpper(d, c, e);
+  return {low(ab, ce), {high(ab, ce), low(ab_rest, ce_rest), high(ab_rest, ce_rest)}};
 }
 
 #endif
