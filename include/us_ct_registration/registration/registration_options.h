@@ -45,7 +45,7 @@ struct LevelOptions : ClimbOptions {
 /// chance or no firmer than a wrong pose.
 struct RoundOptions {
   /// Greatest number of rounds; [1, 6].
-  int most = 2;
+  int most = 3;
   /// Round r, counted from 0, has growth^r times the starts of the first; [1, 16].
   int growth = 2;
   /// From the second round on, the levels optimise and keep breadth * growth^r times as many optima

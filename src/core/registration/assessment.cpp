@@ -189,7 +189,7 @@ void Assessor::compare_with_decoys(const EvidenceImages& on, const Candidate& be
                                    const PatchComparison& patches, Assessment& result, Run& run) {
   if (!decoys_)
     decoys_ = search_decoys(on.problem, best.T_us_ct, on.images.prepared.us->beams,
-                            options_.confidence.decoys, run);
+                            options_.confidence.decoys, decoy_rounds_, run);
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);

@@ -42,6 +42,12 @@ class Assessor {
   /// Decoys that `compare` found, and decoys that it shall compare with in place of a search.
   const std::optional<std::vector<Decoy>>& decoys() const { return decoys_; }
   void take_over(std::vector<Decoy> decoys) { decoys_ = std::move(decoys); }
+  /// Lets the next comparison search for the decoys in so many rounds: a pose that a later round
+  /// found had more starts, and so must the decoys that it is compared with.
+  void search_decoys_again(int rounds) {
+    decoys_.reset();
+    decoy_rounds_ = rounds;
+  }
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
   /// its rivals. Evidence is gathered only if a gate asks for it; that of other images is left to
   /// `assess`.
@@ -78,8 +84,9 @@ class Assessor {
   const ImagePyramid& images_;
   const SearchProblem& problem_;
   const RegistrationOptions& options_;
-  /// Those of the first round. They are kept: later rounds need not search for them again.
+  /// They are kept from round to round: what is no better than decoys of fewer starts is refused.
   std::optional<std::vector<Decoy>> decoys_;
+  int decoy_rounds_ = 1;
 };
 
 }  // namespace usct::registration

@@ -71,7 +71,7 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
 
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
-                                 const DecoyOptions& options, Run& run) {
+                                 const DecoyOptions& options, int rounds, Run& run) {
   const SearchOptions search = decoy_search(problem.options, options);
   const Vector3d centre = problem.field.centre_us_mm();
   std::vector<Decoy> decoys;
@@ -88,7 +88,9 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
     // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
     const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
                               problem.field, problem.seed, T_us_ct_found};
-    const std::vector<Candidate> optima = multi_start(decoy, 0, {}, run);
+    std::vector<Candidate> optima;
+    for (int round = 0; round < rounds; ++round)
+      optima = multi_start(decoy, round, std::move(optima), run);
     if (!optima.empty()) decoys.push_back({mirror, motion, optima.front()});
   }
   return decoys;

@@ -59,6 +59,6 @@ SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& opti
 /// was found for it too. Decoys without any value are left out.
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
-                                 const DecoyOptions& options, Run& run);
+                                 const DecoyOptions& options, int rounds, Run& run);
 
 }  // namespace usct::registration

@@ -38,6 +38,11 @@ class Pipeline {
  private:
   Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
                          const Assessment& compared);
+  Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
+                         const Assessment& compared, const Candidate& refined);
+  /// The same pose, judged beside decoys of so many rounds.
+  Outcome<Judged> judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
+                               const Candidate& refined, int rounds);
   std::optional<Trail> trail(const Assessor& assessor, const std::vector<Candidate>& optima,
                              const Judged& accepted) const;
 
@@ -53,10 +58,23 @@ Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate
                                  const Assessment& compared) {
   const Outcome<Candidate> refined = refine(images_, ct_, optima.front(), options_, run_);
   if (!refined) return refined.refusal();
+  return judged(assessor, optima, compared, *refined);
+}
+
+Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate>& optima,
+                                 const Assessment& compared, const Candidate& refined) {
   const Outcome<Assessment> assessment =
-      run_.timed("confidence", [&] { return assessor.assess(compared, optima, *refined, run_); });
+      run_.timed("confidence", [&] { return assessor.assess(compared, optima, refined, run_); });
   if (!assessment) return assessment.refusal();
-  return Judged{*refined, *assessment, judge(assessment->measures, options_.confidence.gates)};
+  return Judged{refined, *assessment, judge(assessment->measures, options_.confidence.gates)};
+}
+
+Outcome<Judged> Pipeline::judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
+                                       const Candidate& refined, int rounds) {
+  assessor.search_decoys_again(rounds);
+  const Assessment compared =
+      run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
+  return judged(assessor, optima, compared, refined);
 }
 
 std::optional<Trail> Pipeline::trail(const Assessor& assessor, const std::vector<Candidate>& optima,
@@ -81,7 +99,9 @@ Outcome<PipelineResult> Pipeline::search() {
         run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
     run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds.most);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
-    const Outcome<Judged> best = judged(assessor, optima, compared);
+    Outcome<Judged> best = judged(assessor, optima, compared);
+    if (best && !best->failure && round > 0)
+      best = judged_again(assessor, optima, Candidate(best->refined), round + 1);
     if (!best) return best.refusal();
     run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds.most);
     if (best->failure && !is_last && may_be_missed(best->assessment)) continue;

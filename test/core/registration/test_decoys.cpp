@@ -124,12 +124,13 @@ class Searched {
     }
   }
   /// The decoys of a symmetric sweep around the middle of the field.
-  std::vector<Decoy> decoys(const Similarity& similarity, const Isometry3d& T_us_ct_found) {
+  std::vector<Decoy> decoys(const Similarity& similarity, const Isometry3d& T_us_ct_found,
+                            int rounds = 1) {
     return registration::search_decoys({{&similarity, &similarity}, options_, initial_, field_, 1},
-                                       T_us_ct_found, beams(), {}, run_);
+                                       T_us_ct_found, beams(), {}, rounds, run_);
   }
-  std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found) {
-    return decoys(peaks_, T_us_ct_found);
+  std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
+    return decoys(peaks_, T_us_ct_found, rounds);
   }
   double distance_mm(const Isometry3d& T_a, const Isometry3d& T_b) const {
     return field_.distance_mm(T_a, T_b);
@@ -188,6 +189,20 @@ TEST(SearchDecoys, TheyClimbFromThePoseThatWasFound) {
   };
   EXPECT_GT(height(found), 0.95);
   EXPECT_LT(height(Isometry3d::Identity()), 0.6);
+}
+
+/// A pose that a later round found had more starts, and is compared with decoys that had as many.
+TEST(SearchDecoys, MoreRoundsFindNarrowerPeaks) {
+  const Isometry3d narrow(Eigen::Translation3d(8.0, -8.0, 8.0));
+  const Isometry3d wide(Eigen::Translation3d(-12.0, 8.0, -10.0));
+  const Isometry3d motion =
+      mirror_of(Mirror::kLines, Searched::beams(), cube_field().centre_us_mm());
+  Searched searched({{motion * narrow, 1.0, 4.0}, {motion * wide, 0.5, 8.0}});
+  const auto height = [&](int rounds) {
+    return searched.decoys(Isometry3d::Identity(), rounds).front().best.value;
+  };
+  EXPECT_LT(height(1), 0.6);
+  EXPECT_GT(height(3), 0.95);
 }
 
 }  // namespace
