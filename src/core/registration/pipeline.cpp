@@ -100,6 +100,7 @@ Outcome<PipelineResult> Pipeline::search() {
     run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds.most);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
     Outcome<Judged> best = judged(assessor, optima, compared);
+    // More starts than the decoys had may have found a wrong pose that is better than they are.
     if (best && !best->failure && round > 0)
       best = judged_again(assessor, optima, Candidate(best->refined), round + 1);
     if (!best) return best.refusal();

@@ -8,7 +8,7 @@ namespace usct::simulated_lc2 {
 /// Neighbouring lines of a frame that are simulated side by side; a multiple of any vector's lanes.
 constexpr int kLinesPerBlock = 16;
 
-/// A voxel of the CT in one 64-bit word, which a sample loads at once.
+/// A voxel of the CT in 64 bits; a sample loads two neighbours along x at once.
 struct PackedVoxel {
   std::int16_t hu;  // within the window
   /// Voxel ahead minus voxel behind along each index axis, both kept within the CT. Interpolating
@@ -20,6 +20,7 @@ static_assert(sizeof(PackedVoxel) == 8);
 /// Data that do not depend on the pose. Equation numbers are those of simulation.h.
 struct Scene {
   int size[3];
+  /// The CT and one voxel more, since two are loaded at once.
   const PackedVoxel* voxels;
   /// The recorded CT and one value more, since gathers read two values at once.
   const std::int16_t* hu;
