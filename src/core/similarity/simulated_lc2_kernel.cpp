@@ -20,7 +20,7 @@ HWY_BEFORE_NAMESPACE();
 namespace usct::simulated_lc2::HWY_NAMESPACE {
 namespace {
 
-/// Where a sample of each beam lies in the CT.
+/// A sample of each beam lies in this cell of the CT.
 struct Place {
   Cell cell;
   M inside;    // the CT
@@ -35,7 +35,7 @@ struct Medium {
   M total;            // total reflection by a threshold
 };
 
-/// What the beams receive from a sample.
+/// A sample returns this echo to each of the beams.
 struct Echo {
   V p;         // mapped CT
   V strength;  // of the reflection before its log compression, 0 to 1
