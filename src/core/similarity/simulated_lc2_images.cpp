@@ -6,10 +6,23 @@
 #include "require.h"
 
 namespace usct::simulated_lc2 {
+namespace {
+
+/// Where the samples of a line begin.
+std::size_t start_of(const BeamGrid& beams, int frame, int line) {
+  const auto beam = static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
+                    static_cast<std::size_t>(line);
+  return beam * static_cast<std::size_t>(beams.samples());
+}
+
+}  // namespace
 
 DifferencedCt::DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
-    : grid_(ct.grid), hu_(ct.voxels.begin(), ct.voxels.end()), voxels_(ct.voxels.size() + 1) {
-  hu_.push_back(0);
+    : grid_(ct.grid), voxels_(ct.voxels.size() + 1) {
+  if (window) {
+    hu_.assign(ct.voxels.begin(), ct.voxels.end());
+    hu_.push_back(0);
+  }
   const CtVolume limited = window ? limited_to(*window, ct) : CtVolume{};
   const CtVolume& seen = window ? limited : ct;
   const auto [least, most] = std::minmax_element(seen.voxels.begin(), seen.voxels.end());
@@ -27,7 +40,9 @@ void DifferencedCt::describe(Scene& scene) const {
     scene.voxels_per_mm[axis] = static_cast<float>(1.0 / grid_.spacing_mm[axis]);
   }
   scene.voxels = voxels_.data();
-  scene.hu = hu_.data();
+  constexpr int kValuesOfVoxel = sizeof(PackedVoxel) / sizeof(std::int16_t);
+  scene.hu = hu_.empty() ? &voxels_.front().hu : hu_.data();
+  scene.hu_step = hu_.empty() ? kValuesOfVoxel : 1;
   scene.difference_unit = static_cast<float>(unit_);
 }
 
@@ -47,45 +62,63 @@ PackedVoxel DifferencedCt::packed(const CtVolume& ct, const Eigen::Vector3i& ind
 
 BlockedUltrasound::BlockedUltrasound(const BeamUltrasound& ultrasound,
                                      const std::vector<std::uint8_t>& excluded)
-    : samples_(ultrasound.beams.samples()),
-      lines_(ultrasound.beams.lines),
-      blocks_((lines_ + kLinesPerBlock - 1) / kLinesPerBlock),
-      frames_(ultrasound.beams.frames) {
+    : samples_(ultrasound.beams.samples()) {
   const std::size_t count = ultrasound.brightness.size();
   require(excluded.empty() || excluded.size() == count, "excluded", "samples",
           static_cast<double>(excluded.size()), "none or as many as the ultrasound has");
-  const auto counts = [&](std::size_t i) {
-    return (excluded.empty() || excluded[i] == 0) &&
-           (ultrasound.known.empty() || ultrasound.known[i] != 0);
-  };
+  std::vector<std::uint8_t> counts(count);
   double sum = 0.0;
   for (std::size_t i = 0; i < count; ++i)
-    if (counts(i)) {
+    if ((excluded.empty() || excluded[i] == 0) &&
+        (ultrasound.known.empty() || ultrasound.known[i] != 0)) {
+      counts[i] = 1;
       ++usable_;
       sum += ultrasound.brightness[i];
     }
   mean_ = usable_ > 0 ? static_cast<float>(sum / static_cast<double>(usable_)) : 0.0F;
+  place_blocks(ultrasound.beams, counts);
   values_.assign(static_cast<std::size_t>(blocks()) * block_size(), std::nanf(""));
-  samples_used_.assign(static_cast<std::size_t>(blocks()), 0);
-  for (std::size_t i = 0; i < count; ++i)
-    if (counts(i)) put(i, ultrasound.brightness[i] - mean_);
+  for (int block = 0; block < blocks(); ++block) fill(block, ultrasound, counts);
 }
 
 void BlockedUltrasound::describe(int block, Block& result) const {
+  const Place& place = places_[static_cast<std::size_t>(block)];
   result.ultrasound = values_.data() + static_cast<std::size_t>(block) * block_size();
-  result.samples = samples_used_[static_cast<std::size_t>(block)];
+  result.samples = place.end_used;
+  result.first_used = place.first_used;
 }
 
-void BlockedUltrasound::put(std::size_t i, float value) {
-  const auto samples = static_cast<std::size_t>(samples_);
-  const auto lines = static_cast<std::size_t>(lines_);
-  constexpr std::size_t kLines = kLinesPerBlock;
-  const std::size_t sample = i % samples;
-  const std::size_t line = i / samples % lines;
-  const std::size_t frame = i / samples / lines;
-  const std::size_t block = frame * static_cast<std::size_t>(blocks_) + line / kLines;
-  values_[block * block_size() + sample * kLines + line % kLines] = value;
-  samples_used_[block] = std::max(samples_used_[block], static_cast<int>(sample) + 1);
+void BlockedUltrasound::place_blocks(const BeamGrid& beams,
+                                     const std::vector<std::uint8_t>& counts) {
+  for (int frame = 0; frame < beams.frames; ++frame) {
+    const auto is_used = [&](int line) {
+      const std::uint8_t* first = counts.data() + start_of(beams, frame, line);
+      return std::find(first, first + samples_, 1) != first + samples_;
+    };
+    int begin = 0;
+    int end = beams.lines;
+    while (begin < end && !is_used(begin)) ++begin;
+    while (end > begin && !is_used(end - 1)) --end;
+    for (int line = begin; line < end; line += kLinesPerBlock)
+      places_.push_back({frame, line, samples_, 0});
+  }
+}
+
+void BlockedUltrasound::fill(int block, const BeamUltrasound& ultrasound,
+                             const std::vector<std::uint8_t>& counts) {
+  const BeamGrid& beams = ultrasound.beams;
+  Place& place = places_[static_cast<std::size_t>(block)];
+  float* values = values_.data() + static_cast<std::size_t>(block) * block_size();
+  const int lines = std::min(kLinesPerBlock, beams.lines - place.first_line);
+  for (int lane = 0; lane < lines; ++lane) {
+    std::size_t i = start_of(beams, place.frame, place.first_line + lane);
+    for (int sample = 0; sample < samples_; ++sample, ++i) {
+      if (counts[i] == 0) continue;
+      values[sample * kLinesPerBlock + lane] = ultrasound.brightness[i] - mean_;
+      place.first_used = std::min(place.first_used, sample);
+      place.end_used = std::max(place.end_used, sample + 1);
+    }
+  }
 }
 
 }  // namespace usct::simulated_lc2

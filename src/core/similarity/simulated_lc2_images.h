@@ -25,37 +25,47 @@ class DifferencedCt {
   PackedVoxel packed(const CtVolume& ct, const Eigen::Vector3i& index) const;
 
   Grid grid_;
-  LargeVector<std::int16_t> hu_;
+  LargeVector<std::int16_t> hu_;  // as recorded, if the voxels have those of a window
   LargeVector<PackedVoxel> voxels_;
   int unit_ = 1;
 };
 
-/// Ultrasound in blocks of neighbouring lines, minus its mean.
+/// Ultrasound in blocks of neighbouring lines, minus its mean. Lines without a sample that counts
+/// at either end of a frame, as scan-converted ultrasound has them, are in no block.
 class BlockedUltrasound {
  public:
   /// Throws InputError unless `excluded` is empty or has an entry for each sample.
   BlockedUltrasound(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded);
 
-  int blocks() const { return frames_ * blocks_; }
-  int frame(int block) const { return block / blocks_; }
-  int first_line(int block) const { return block % blocks_ * kLinesPerBlock; }
+  int blocks() const { return static_cast<int>(places_.size()); }
+  int frame(int block) const { return places_[static_cast<std::size_t>(block)].frame; }
+  int first_line(int block) const { return places_[static_cast<std::size_t>(block)].first_line; }
   std::size_t usable() const { return usable_; }
   double mean() const { return mean_; }
 
-  /// Leaves out samples behind the last that counts.
+  /// Leaves out samples behind the last that counts, and says which is the first.
   void describe(int block, Block& result) const;
 
  private:
+  /// Where a block lies in the ultrasound, and the first sample of it that counts and the one
+  /// behind the last.
+  struct Place {
+    int frame, first_line;
+    int first_used, end_used;
+  };
+
   std::size_t block_size() const {
     return static_cast<std::size_t>(samples_) * std::size_t{kLinesPerBlock};
   }
-  void put(std::size_t i, float value);
+  /// `counts` has an entry for each sample.
+  void place_blocks(const BeamGrid& beams, const std::vector<std::uint8_t>& counts);
+  void fill(int block, const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& counts);
 
-  int samples_, lines_, blocks_, frames_;
+  int samples_;
   std::size_t usable_ = 0;
   float mean_ = 0.0F;
+  std::vector<Place> places_;
   LargeVector<float> values_;
-  std::vector<int> samples_used_;  // per block
 };
 
 }  // namespace usct::simulated_lc2

@@ -35,10 +35,16 @@ struct Medium {
   M total;            // total reflection by a threshold
 };
 
-/// A sample returns this echo to each of the beams.
-struct Echo {
+/// What a sample returns to each of the beams.
+struct Returned {
   V p;         // mapped CT
   V strength;  // of the reflection before its log compression, 0 to 1
+  M hidden;    // the sound does not arrive
+};
+
+/// The same, where the ultrasound counts.
+struct Echo {
+  V p, strength;
   M insonified, occluded;
 };
 
@@ -62,6 +68,13 @@ class Beams {
     for (int begin = 0; begin < block_.samples; begin += kRun) {
       const int count = std::min(kRun, block_.samples - begin);
       for (int n = 0; n < count; ++n) interpolate(places_[n], voxels_[n]);
+      if (begin + count <= block_.first_used) {
+        for (int n = 0; n < count; ++n) {
+          travel(places_[n], voxels_[n]);
+          locate(begin + kRun + n, places_[n]);
+        }
+        continue;
+      }
       for (int n = 0; n < count; ++n) echoes_[n] = echo_of(begin + n, places_[n], voxels_[n], sums);
       for (int n = 0; n < count; ++n) {
         add(ultrasound(begin + n), echoes_[n], sums);
@@ -125,30 +138,35 @@ class Beams {
     if (!is_empty(place)) voxels = sample<kNearest>(scene_, place.cell);
   }
 
-  HWY_INLINE Echo echo_of(int sample, const Place& place, const Voxels& voxels, Sums& sums) {
-    const V us = ultrasound(sample);
-    const M usable = hn::Eq(us, us);
-    V p = mapped(hn::Set(d, scene_.outside_mu));
-    V strength = hn::Zero(d);
+  /// The sound travels through a sample, which returns the p and the strength of the result.
+  HWY_INLINE Returned travel(const Place& place, const Voxels& voxels) {
+    Returned returned{mapped(hn::Set(d, scene_.outside_mu)), hn::Zero(d), none()};
     if (!is_empty(place)) {
       const V lost_before = lost_;
       const M occluded_before = occluded_;
       const Medium medium = medium_at(place, voxels);
       transmit(medium);
-      p = mapped(medium.mu);
-      if (!scene_.on_intensity) strength = reflected(medium, lost_before);
-      if (block_.echo_samples > 0) begin_echo(hn::AndNot(occluded_before, occluded_), strength);
+      returned.p = mapped(medium.mu);
+      if (!scene_.on_intensity) returned.strength = reflected(medium, lost_before);
+      if (block_.echo_samples > 0)
+        begin_echo(hn::AndNot(occluded_before, occluded_), returned.strength);
     }
-    if (scene_.on_intensity) strength = lost_share();
+    if (scene_.on_intensity) returned.strength = lost_share();
     const M echoes = hn::Gt(echo_samples_, hn::Zero(d));
     if (block_.echo_samples > 0) {
-      strength = hn::IfThenElse(echoes, echo_, strength);
+      returned.strength = hn::IfThenElse(echoes, echo_, returned.strength);
       echo_samples_ = hn::Sub(echo_samples_, hn::Set(d, 1.0F));
     }
+    returned.hidden = hn::AndNot(echoes, occluded_);
+    return returned;
+  }
 
+  HWY_INLINE Echo echo_of(int sample, const Place& place, const Voxels& voxels, Sums& sums) {
+    const auto [p, strength, hidden] = travel(place, voxels);
+    const V us = ultrasound(sample);
+    const M usable = hn::Eq(us, us);
     const M in_body = hn::And(usable, hn::And(place.inside, in_body_));
     const M used = scene_.use_background ? usable : in_body;
-    const M hidden = hn::AndNot(echoes, occluded_);
     sums.in_body += count(in_body);
     return {p, strength, hn::AndNot(hidden, used), hn::And(hidden, used)};
   }
@@ -188,7 +206,8 @@ class Beams {
       // Samples less than a rounding error below the threshold are decided by free_of_gas.
       const M perhaps = hn::And(waiting, hn::Gt(hu, hn::Sub(gas, hn::Set(d, 1.0F))));
       if (!hn::AllFalse(d, perhaps))
-        in_body_ = hn::Or(in_body_, hn::And(perhaps, free_of_gas(scene_, cell.index)));
+        in_body_ =
+            hn::Or(in_body_, free_of_gas(scene_, cell.index, hu, voxels.difference, perhaps));
     }
     const M body = hn::And(inside, in_body_);
 

@@ -22,8 +22,11 @@ struct Scene {
   int size[3];
   /// The CT and one voxel more, since two are loaded at once.
   const PackedVoxel* voxels;
-  /// The recorded CT and one value more, since gathers read two values at once.
+  /// The recorded CT, of which every hu_step-th value is one of a voxel. With a window the step is
+  /// 1, and there is one value more, since gathers read two at once; without, these are those of
+  /// `voxels`, which are in the cache anyway.
   const std::int16_t* hu;
+  int hu_step;
   float difference_unit;  // HU per unit of PackedVoxel::difference
   float voxels_per_mm[3];
 
@@ -55,6 +58,8 @@ struct Block {
   /// samples x kLinesPerBlock; NaN where a sample does not count.
   const float* ultrasound;
   int samples;
+  /// No beam has a sample that counts before this one.
+  int first_used;
 };
 
 /// Sums over samples that count: of the ultrasound U, mapped CT p and reflection r where the sound

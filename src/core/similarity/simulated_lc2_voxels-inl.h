@@ -220,15 +220,70 @@ HWY_INLINE V ahead(const Scene& scene, int axis, V index) {
 }
 HWY_INLINE V behind(V index) { return hn::Max(hn::Sub(index, hn::Set(d, 1.0F)), hn::Zero(d)); }
 
-/// Whether the sample and the points of its gradient are free of gas.
-HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index) {
-  const auto hu = [&](V x, V y, V z) HWY_ATTR { return hu_at(scene, cell_at(scene, {x, y, z})); };
-  const auto [x, y, z] = index;
-  const V along_x = hn::Min(hu(ahead(scene, 0, x), y, z), hu(behind(x), y, z));
-  const V along_y = hn::Min(hu(x, ahead(scene, 1, y), z), hu(x, behind(y), z));
-  const V along_z = hn::Min(hu(x, y, ahead(scene, 2, z)), hu(x, y, behind(z)));
-  const V lowest = hn::Min(hn::Min(hu(x, y, z), along_x), hn::Min(along_y, along_z));
-  return hn::Ge(lowest, hn::Set(d, scene.gas_hu));
+/// The recorded CT value at one point within the CT.
+HWY_INLINE float hu_at(const Scene& scene, const float (&index)[3]) {
+  int lower[3];
+  float w[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const int above = scene.nearest || scene.size[axis] == 1 ? 0 : 1;
+    lower[axis] = std::min(static_cast<int>(index[axis]), scene.size[axis] - 1 - above);
+    w[axis] = index[axis] - static_cast<float>(lower[axis]);
+  }
+  const Strides step(scene);
+  const std::int64_t offset =
+      (lower[2] * std::int64_t{scene.size[1]} + lower[1]) * scene.size[0] + lower[0];
+  const auto hu = [&](std::int64_t from) HWY_ATTR {
+    return static_cast<float>(scene.hu[(offset + from) * scene.hu_step]);
+  };
+  if (scene.nearest) return hu(0);
+  const auto between = [](float a, float b, float weight) { return a + weight * (b - a); };
+  const auto along_x = [&](std::int64_t start)
+                           HWY_ATTR { return between(hu(start), hu(start + step.x), w[0]); };
+  return between(between(along_x(0), along_x(step.y), w[1]),
+                 between(along_x(step.z), along_x(step.z + step.y), w[1]), w[2]);
+}
+
+/// One sample of the CT.
+struct Point {
+  float index[3];
+  float hu;             // but for rounding
+  float difference[3];  // of the points of its gradient, in the window
+};
+
+/// Whether a sample and the points of its gradient are free of gas. Of two points the one with less
+/// CT decides; without a window the difference tells which.
+HWY_INLINE bool is_free_of_gas(const Scene& scene, const Point& sample) {
+  const float gas = scene.gas_hu;
+  if (sample.hu < gas + 1.0F && hu_at(scene, sample.index) < gas) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float at = sample.index[axis];
+    float point[3] = {sample.index[0], sample.index[1], sample.index[2]};
+    point[axis] = std::max(at - 1.0F, 0.0F);
+    if ((scene.windowed || sample.difference[axis] > 0.0F) && hu_at(scene, point) < gas)
+      return false;
+    point[axis] = std::min(at + 1.0F, static_cast<float>(scene.size[axis] - 1));
+    if ((scene.windowed || sample.difference[axis] <= 0.0F) && hu_at(scene, point) < gas)
+      return false;
+  }
+  return true;
+}
+
+/// Which of the asked samples are free of gas. Some six are asked at a time, since beams enter the
+/// body one after the other.
+HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index, const V hu,
+                           const Index& difference, M asked) {
+  HWY_ALIGN float values[8][kLinesPerBlock];
+  const V rows[8] = {
+      index.x,      index.y,      index.z,      hu,
+      difference.x, difference.y, difference.z, hn::IfThenElseZero(asked, hn::Set(d, 1.0F))};
+  for (int row = 0; row < 8; ++row) hn::Store(rows[row], d, values[row]);
+  const auto& [x, y, z, value, dx, dy, dz, answer] = values;
+  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane)
+    if (values[7][lane] != 0.0F &&
+        !is_free_of_gas(scene,
+                        {{x[lane], y[lane], z[lane]}, value[lane], {dx[lane], dy[lane], dz[lane]}}))
+      values[7][lane] = 0.0F;
+  return hn::Ne(hn::Load(d, answer), hn::Zero(d));
 }
 
 /// Change of mu per voxel: a difference over its span, which is 2 voxels except at the border.

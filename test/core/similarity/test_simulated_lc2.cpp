@@ -217,6 +217,13 @@ TEST(SimulatedLc2, IsTheReferenceToSixDigitsOptionByOption) {
     c.excluded.assign(c.ultrasound.brightness.size(), 0);
     for (std::size_t i = 0; i < c.excluded.size(); ++i) c.excluded[i] = i % 120 < 30 || i % 7 == 0;
   });
+  // Beams at the sides enter the fan late or never.
+  expect_equal_with("scan-converted ultrasound", [](SimulatedCase& c) {
+    for (int frame = 0; frame < 9; ++frame)
+      for (int line = 0; line < 37; ++line)
+        for (int sample = 0; sample < 120; ++sample)
+          c.excluded.push_back(10 * (std::abs(line - 20) + frame) > 20 + sample ? 1 : 0);
+  });
 }
 
 TEST(SimulatedLc2, WhatIsNotKnownIsExcluded) {
