@@ -110,7 +110,7 @@ constexpr auto words_of(EvidenceSource) {
 /// level only: the height of the best optimum is needed, and not its exact place.
 struct DecoyOptions {
   /// Number of candidates that are optimised at the deciding level, if the search has more; >= 1.
-  int optimised = 2;
+  int optimised = 4;
   /// Factor on the step tolerance of that level's optimizer; >= 1.
   double tolerance_factor = 4.0;
 

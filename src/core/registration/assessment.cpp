@@ -50,14 +50,10 @@ double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
 /// The optimum that `refined` leads to comes first.
 std::vector<Candidate> optima_around(const SearchProblem& problem, const Candidate& refined,
                                      double rival_mm, Run& run) {
-  const LevelOptions& deciding = problem.options.levels.back();
-  std::vector<Candidate> own{{refined.T_us_ct, {}}};
-  evaluate(*problem.similarities.back(), own, run);
-  climb(*problem.similarities.back(), {deciding.optimizer, rival_mm, {}, problem.seed},
-        problem.field, own, run);
-  std::vector<Candidate> optima = own;
+  const Candidate own = optimum_near(problem, refined.T_us_ct, rival_mm, run);
+  std::vector<Candidate> optima{own};
   for (const Candidate& found : multi_start(problem, 0, {}, run)) {
-    const double distance_mm = problem.field.distance_mm(found.T_us_ct, own.front().T_us_ct);
+    const double distance_mm = problem.field.distance_mm(found.T_us_ct, own.T_us_ct);
     if (distance_mm > rival_mm)
       optima.push_back(found);
     else if (found.value > optima.front().value)

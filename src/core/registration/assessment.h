@@ -39,6 +39,8 @@ class Assessor {
            const SearchProblem& problem, const RegistrationOptions& options)
       : ultrasound_(ultrasound), ct_(ct), images_(images), problem_(problem), options_(options) {}
 
+  /// Whether a gate asks for evidence, and it comes from these images.
+  bool gathers(EvidenceSource source) const;
   /// Decoys that `compare` found, and decoys that it shall compare with in place of a search.
   const std::optional<std::vector<Decoy>>& decoys() const { return decoys_; }
   void take_over(std::vector<Decoy> decoys) { decoys_ = std::move(decoys); }
@@ -61,7 +63,6 @@ class Assessor {
                              const Candidate& refined, Run& run);
 
  private:
-  bool gathers(EvidenceSource source) const;
   void compare_with_others(const EvidenceImages& on, const std::vector<Candidate>& optima,
                            Assessment& assessment, Run& run);
   std::optional<Refusal> compare_as_patient(const Candidate& refined, Assessment& assessment,

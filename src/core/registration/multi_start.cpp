@@ -88,4 +88,23 @@ std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
   return candidates;
 }
 
+Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
+                       double reach_mm, Run& run) {
+  const LevelOptions& deciding = problem.options.levels.back();
+  const Similarity& similarity = *problem.similarities.back();
+  std::vector<Candidate> optimum{{T_us_ct, {}}};
+  evaluate(similarity, optimum, run);
+  climb(similarity, {deciding.optimizer, reach_mm, {}, problem.seed}, problem.field, optimum, run);
+  return optimum.front();
+}
+
+std::vector<Candidate> headed_by(const Candidate& first, const std::vector<Candidate>& others,
+                                 const SearchProblem& problem) {
+  std::vector<Candidate> optima{first};
+  for (const Candidate& other : others)
+    if (problem.field.distance_mm(other.T_us_ct, first.T_us_ct) > problem.options.distinct_mm)
+      optima.push_back(other);
+  return optima;
+}
+
 }  // namespace usct::registration

@@ -24,4 +24,12 @@ struct SearchProblem {
 std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run);
 
+/// The optimum of the deciding level that a pose leads to, at most `reach_mm` away.
+Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
+                       double reach_mm, Run& run);
+
+/// An optimum, then those of the others that are distinct from it, in their order.
+std::vector<Candidate> headed_by(const Candidate& first, const std::vector<Candidate>& others,
+                                 const SearchProblem& problem);
+
 }  // namespace usct::registration

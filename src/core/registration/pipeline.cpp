@@ -36,10 +36,13 @@ class Pipeline {
   std::optional<PipelineResult> tracked(const Trail& trail, double reach_mm);
 
  private:
-  Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
-                         const Assessment& compared);
+  /// Refines and judges the best optimum, which so many rounds have found. If its refinement leads
+  /// to another optimum, that one becomes the first, and the evidence is gathered for it.
+  Outcome<Judged> judged(Assessor& assessor, std::vector<Candidate>& optima,
+                         const Assessment& compared, int rounds);
   Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
                          const Assessment& compared, const Candidate& refined);
+  bool has_left(const Candidate& optimum, const Candidate& refined) const;
   /// The same pose, judged beside decoys of so many rounds.
   Outcome<Judged> judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
                                const Candidate& refined, int rounds);
@@ -54,11 +57,27 @@ class Pipeline {
   const SearchProblem problem_;
 };
 
-Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate>& optima,
-                                 const Assessment& compared) {
+bool Pipeline::has_left(const Candidate& optimum, const Candidate& refined) const {
+  return problem_.field.distance_mm(optimum.T_us_ct, refined.T_us_ct) > options_.search.distinct_mm;
+}
+
+Outcome<Judged> Pipeline::judged(Assessor& assessor, std::vector<Candidate>& optima,
+                                 const Assessment& compared, int rounds) {
   const Outcome<Candidate> refined = refine(images_, ct_, optima.front(), options_, run_);
   if (!refined) return refined.refusal();
-  return judged(assessor, optima, compared, *refined);
+  if (assessor.gathers(EvidenceSource::kOwn) && has_left(optima.front(), *refined)) {
+    const Candidate reached = run_.timed("search", [&] {
+      return optimum_near(problem_, refined->T_us_ct, options_.confidence.rival_mm, run_);
+    });
+    if (reached.has_value() && has_left(optima.front(), reached)) {
+      optima = headed_by(reached, optima, problem_);
+      return judged_again(assessor, optima, *refined, rounds);
+    }
+  }
+  const Outcome<Judged> best = judged(assessor, optima, compared, *refined);
+  // More starts than the decoys had may have found a wrong pose that is better than they are.
+  if (best && !best->failure && rounds > 1) return judged_again(assessor, optima, *refined, rounds);
+  return best;
 }
 
 Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate>& optima,
@@ -99,10 +118,7 @@ Outcome<PipelineResult> Pipeline::search() {
         run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
     run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds.most);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
-    Outcome<Judged> best = judged(assessor, optima, compared);
-    // More starts than the decoys had may have found a wrong pose that is better than they are.
-    if (best && !best->failure && round > 0)
-      best = judged_again(assessor, optima, Candidate(best->refined), round + 1);
+    const Outcome<Judged> best = judged(assessor, optima, compared, round + 1);
     if (!best) return best.refusal();
     run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds.most);
     if (best->failure && !is_last && may_be_missed(best->assessment)) continue;
@@ -123,7 +139,9 @@ std::optional<PipelineResult> Pipeline::tracked(const Trail& trail, double reach
   assessor.take_over(followed->decoys);
   const Assessment compared =
       run_.timed("confidence", [&] { return assessor.compare(followed->optima, run_); });
-  const Outcome<Judged> best = judged(assessor, followed->optima, compared);
+  const Outcome<Candidate> refined = refine(images_, ct_, followed->optima.front(), options_, run_);
+  if (!refined || has_left(followed->optima.front(), *refined)) return std::nullopt;
+  const Outcome<Judged> best = judged(assessor, followed->optima, compared, *refined);
   if (!best || best->failure) return std::nullopt;
   return PipelineResult{result_of(followed->optima, best->refined, best->assessment, best->failure),
                         {}};

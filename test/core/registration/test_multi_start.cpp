@@ -42,10 +42,14 @@ class MultiStarted {
   MultiStarted(std::vector<Peak> peaks, SearchOptions options)
       : field_(cube_field()), peaks_(field_, std::move(peaks)), options_(std::move(options)) {}
 
+  SearchProblem problem() const {
+    return {{options_.levels.size(), &peaks_}, options_, initial_, field_, 1};
+  }
   std::vector<Candidate> round(int round, std::vector<Candidate> found = {}) {
-    const std::vector<const Similarity*> levels(options_.levels.size(), &peaks_);
-    const SearchProblem problem{levels, options_, initial_, field_, 1};
-    return registration::multi_start(problem, round, std::move(found), run_);
+    return registration::multi_start(problem(), round, std::move(found), run_);
+  }
+  Candidate optimum_near(const Isometry3d& T_us_ct, double reach_mm) {
+    return registration::optimum_near(problem(), T_us_ct, reach_mm, run_);
   }
   double distance_mm(const Candidate& candidate, const Isometry3d& T_us_ct) const {
     return field_.distance_mm(candidate.T_us_ct, T_us_ct);
@@ -149,6 +153,29 @@ TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
   EXPECT_TRUE(
       registration::multi_start({{&nothing, &nothing}, options, initial, field, 1}, 0, {}, run)
           .empty());
+}
+
+TEST(OptimumNear, IsThatToWhichThePoseLeadsWhateverIsHigherElsewhere) {
+  MultiStarted searched({{kHigh, 1.0, 6.0}, {kLow, 0.8, 6.0}}, two_levels());
+  const Isometry3d beside = Eigen::Translation3d(2.0, -1.0, 1.0) * kLow;
+  const Candidate found = searched.optimum_near(beside, 10.0);
+  EXPECT_LT(searched.distance_mm(found, kLow), 0.2);
+  EXPECT_NEAR(found.value, 0.8, 0.01);
+  EXPECT_GT(searched.distance_mm(searched.optimum_near(beside, 0.5), kLow), 1.0);
+}
+
+TEST(HeadedBy, KeepsTheOthersThatAreDistinctInTheirOrder) {
+  const auto shifted = [](double x_mm, double value) {
+    return Candidate{Isometry3d(Eigen::Translation3d(x_mm, 0.0, 0.0)), {}, value, 1.0};
+  };
+  const MultiStarted searched({{kHigh, 1.0}}, two_levels());
+  const std::vector<Candidate> optima = registration::headed_by(
+      shifted(0.0, 0.5), {shifted(10.0, 0.9), shifted(3.0, 0.8), shifted(-5.0, 0.7)},
+      searched.problem());
+  ASSERT_EQ(optima.size(), 3U);
+  EXPECT_EQ(optima[0].value, 0.5);
+  EXPECT_EQ(optima[1].value, 0.9);
+  EXPECT_EQ(optima[2].value, 0.7);
 }
 
 TEST(MultiStart, WithoutStartsOnlyTheInitialPoseIsClimbedFrom) {

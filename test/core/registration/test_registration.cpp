@@ -158,6 +158,19 @@ TEST(Registration, SameBitsWithAnyNumberOfThreads) {
   }
 }
 
+// The search stops where it starts, and the refinement goes on to the truth.
+TEST(Registration, EvidenceIsThatOfThePoseToWhichTheRefinementLeads) {
+  RegistrationOptions options = quick_options();
+  options.search.starts.reset();
+  for (LevelOptions& level : options.search.levels) level.optimizer.max_evaluations = 1;
+  const Isometry3d initial = beside_truth(agar_case(), {0, 0, 0}, {4, 2, 3});
+  const RegistrationResult result = registered(agar_case(), initial, options);
+  ASSERT_TRUE(result.T_us_ct) << result.message;
+  EXPECT_LT(agar_case().error_mm(*result.T_us_ct), kGoodMm);
+  EXPECT_LT(*result.measures.disagreement_mm, options.search.distinct_mm);
+  EXPECT_NEAR(*result.measures.displacement_mm, Eigen::Vector3d(4, 2, 3).norm(), kGoodMm);
+}
+
 TEST(Registration, SeedMattersToCmaEsOnly) {
   for (const OptimizerMethod method : {OptimizerMethod::kBobyqa, OptimizerMethod::kCmaEs}) {
     RegistrationOptions options = with_method(method);
