@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-// Vectors are struct members, which rules out scalable ones; SSSE3 without SSE4 is extinct.
+// No scalable vectors, since vectors are struct members; SSSE3 without SSE4 is extinct.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/simulated_lc2_kernel.cpp"
-#include <hwy/foreach_target.h>
-// This must come after foreach_target.h.
+#include <hwy/foreach_target.h>  // must come before the others
 #include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
