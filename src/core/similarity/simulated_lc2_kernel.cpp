@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-// No scalable vectors, since vectors are struct members; SSSE3 without SSE4 is extinct.
+// Vectors are struct members, which rules out scalable ones; SSSE3 without SSE4 is extinct.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/simulated_lc2_kernel.cpp"
-#include <hwy/foreach_target.h>  // must come before the others
+#include <hwy/foreach_target.h>
+// This must come after foreach_target.h.
 #include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
@@ -36,9 +37,8 @@ struct Medium {
 
 /// What a sample returns to each of the beams.
 struct Returned {
-  V p;         // mapped CT
-  V strength;  // of the reflection before its log compression, 0 to 1
-  M hidden;    // the sound does not arrive
+  V p, strength;  // mapped CT; the reflection before its log compression, 0 to 1
+  M hidden;       // the sound does not arrive
 };
 
 /// The same, where the ultrasound counts.
