@@ -28,7 +28,7 @@ std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
 Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
                        double reach_mm, Run& run);
 
-/// An optimum, then those of the others that are distinct from it, in their order.
+/// An optimum comes first, then those of the others that are distinct from it, in their order.
 std::vector<Candidate> headed_by(const Candidate& first, const std::vector<Candidate>& others,
                                  const SearchProblem& problem);
 

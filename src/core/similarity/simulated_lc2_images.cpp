@@ -8,7 +8,7 @@
 namespace usct::simulated_lc2 {
 namespace {
 
-/// Where the samples of a line begin.
+/// The number of the first sample of a line.
 std::size_t start_of(const BeamGrid& beams, int frame, int line) {
   const auto beam = static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
                     static_cast<std::size_t>(line);

@@ -47,8 +47,8 @@ class BlockedUltrasound {
   void describe(int block, Block& result) const;
 
  private:
-  /// Where a block lies in the ultrasound, and the first sample of it that counts and the one
-  /// behind the last.
+  /// A block lies at these lines of this frame. Its samples that count begin at `first_used` and
+  /// end before `end_used`.
   struct Place {
     int frame, first_line;
     int first_used, end_used;

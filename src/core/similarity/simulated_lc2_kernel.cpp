@@ -35,13 +35,13 @@ struct Medium {
   M total;            // total reflection by a threshold
 };
 
-/// What a sample returns to each of the beams.
+/// A sample returns this to each of the beams.
 struct Returned {
   V p, strength;  // mapped CT; the reflection before its log compression, 0 to 1
   M hidden;       // the sound does not arrive
 };
 
-/// The same, where the ultrasound counts.
+/// A sample where the ultrasound counts returns this.
 struct Echo {
   V p, strength;
   M insonified, occluded;
@@ -137,7 +137,7 @@ class Beams {
     if (!is_empty(place)) voxels = sample<kNearest>(scene_, place.cell);
   }
 
-  /// The sound travels through a sample, which returns the p and the strength of the result.
+  /// The sound travels through a sample.
   HWY_INLINE Returned travel(const Place& place, const Voxels& voxels) {
     Returned returned{mapped(hn::Set(d, scene_.outside_mu)), hn::Zero(d), none()};
     if (!is_empty(place)) {

@@ -268,22 +268,21 @@ HWY_INLINE bool is_free_of_gas(const Scene& scene, const Point& sample) {
   return true;
 }
 
-/// Which of the asked samples are free of gas. Some six are asked at a time, since beams enter the
+/// The asked samples that are free of gas. About six are asked for at a time, since beams enter the
 /// body one after the other.
-HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index, const V hu,
-                           const Index& difference, M asked) {
-  HWY_ALIGN float values[8][kLinesPerBlock];
-  const V rows[8] = {
-      index.x,      index.y,      index.z,      hu,
-      difference.x, difference.y, difference.z, hn::IfThenElseZero(asked, hn::Set(d, 1.0F))};
-  for (int row = 0; row < 8; ++row) hn::Store(rows[row], d, values[row]);
-  const auto& [x, y, z, value, dx, dy, dz, answer] = values;
-  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane)
-    if (values[7][lane] != 0.0F &&
-        !is_free_of_gas(scene,
-                        {{x[lane], y[lane], z[lane]}, value[lane], {dx[lane], dy[lane], dz[lane]}}))
-      values[7][lane] = 0.0F;
-  return hn::Ne(hn::Load(d, answer), hn::Zero(d));
+HWY_NOINLINE M free_of_gas(const Scene& scene, const Index& index, V hu, const Index& difference,
+                           M asked) {
+  HWY_ALIGN float values[7][kLinesPerBlock];
+  HWY_ALIGN float is_free[kLinesPerBlock];
+  const V rows[7] = {index.x, index.y, index.z, hu, difference.x, difference.y, difference.z};
+  for (int row = 0; row < 7; ++row) hn::Store(rows[row], d, values[row]);
+  hn::Store(hn::IfThenElseZero(asked, hn::Set(d, 1.0F)), d, is_free);
+  const auto& [x, y, z, value, dx, dy, dz] = values;
+  for (std::size_t i = 0; i < hn::Lanes(d); ++i)
+    if (is_free[i] != 0.0F &&
+        !is_free_of_gas(scene, {{x[i], y[i], z[i]}, value[i], {dx[i], dy[i], dz[i]}}))
+      is_free[i] = 0.0F;
+  return hn::Ne(hn::Load(d, is_free), hn::Zero(d));
 }
 
 /// Change of mu per voxel: a difference over its span, which is 2 voxels except at the border.
