@@ -5,7 +5,7 @@
 #include <memory>
 #include <mutex>
 
-#include "similarity/large_pages.h"
+#include "large_pages.h"
 #include "us_ct_registration/volume/hu_window.h"
 #include "us_ct_registration/volume/operations.h"
 #include "us_ct_registration/volume/volume.h"

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "similarity/large_pages.h"
+#include "large_pages.h"
 #include "similarity/simulated_lc2_kernel.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/hu_window.h"

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "parallel.h"
 #include "require.h"
+#include "similarity/sweep_motion.h"
 
 namespace usct {
 namespace {
@@ -17,70 +19,6 @@ using Eigen::Vector3i;
 constexpr double kLeastDeviation = 1e-4;
 
 constexpr std::size_t kLanes = UltrasoundPatches::kLanes;
-
-/// Motion of the frames if the sweep is longer than recorded: the tangent of each beam's path,
-/// times the distance of its frame from the middle of the sweep. A frame's position along the sweep
-/// is the arc length of the path of the field's centre, smoothed since tracked poses jitter.
-class SweepMotion {
- public:
-  explicit SweepMotion(const BeamGrid& beams)
-      : beams_(beams),
-        window_(std::clamp(beams.frames / 10, 1, std::max(1, beams.frames / 2 - 1))) {
-    path_mm_.push_back(0.0);
-    for (int f = 1; f < beams.frames; ++f)
-      path_mm_.push_back(path_mm_.back() + (smoothed_centre(f) - smoothed_centre(f - 1)).norm());
-    for (int f = 0; f < beams.frames; ++f) tangents_.push_back(tangent(f));
-  }
-
-  /// Motion of a beam's origin and direction per unit of error, mm.
-  Beam operator()(int frame, int line) const {
-    Beam motion{Vector3d::Zero(), Vector3d::Zero()};
-    const double from_middle_mm = path_mm(frame) - 0.5 * path_mm_.back();
-    for (const auto& [other, per_mm] : tangents_[static_cast<std::size_t>(frame)]) {
-      const Beam& beam = beams_.beam(other, line);
-      motion.origin_mm += from_middle_mm * per_mm * beam.origin_mm;
-      motion.direction += from_middle_mm * per_mm * beam.direction;
-    }
-    return motion;
-  }
-
- private:
-  /// Weights, 1/mm, of the values at frames in their derivative by the path.
-  using Tangent = std::vector<std::pair<int, double>>;
-
-  double path_mm(int frame) const { return path_mm_[static_cast<std::size_t>(frame)]; }
-
-  /// Mean over a window that shrinks towards the ends of the sweep and so stays centred on the
-  /// frame.
-  Vector3d smoothed_centre(int frame) const {
-    const int half = std::min({window_, frame, beams_.frames - 1 - frame});
-    Vector3d sum = Vector3d::Zero();
-    for (int f = frame - half; f <= frame + half; ++f)
-      sum += beams_.point(f, beams_.lines / 2, 0.5 * beams_.samples());
-    return sum / (2 * half + 1);
-  }
-
-  /// Tangent of the parabola through three frames around this one, or nearest to it at the ends of
-  /// the sweep; of a straight line if there are fewer frames. Empty if nothing moves.
-  Tangent tangent(int frame) const {
-    const int last = beams_.frames - 1;
-    const int margin = std::min(window_, last / 2);
-    const int middle = std::clamp(frame, margin, last - margin);
-    const int a = std::max(0, middle - window_);
-    const int c = std::min(last, middle + window_);
-    const double at = path_mm(frame), at_a = path_mm(a), at_b = path_mm(middle), at_c = path_mm(c);
-    if (!(at_c > at_a)) return {};
-    if (!(at_b > at_a && at_c > at_b)) return {{a, -1.0 / (at_c - at_a)}, {c, 1.0 / (at_c - at_a)}};
-    return {{a, (2.0 * at - at_b - at_c) / ((at_a - at_b) * (at_a - at_c))},
-            {middle, (2.0 * at - at_a - at_c) / ((at_b - at_a) * (at_b - at_c))},
-            {c, (2.0 * at - at_a - at_b) / ((at_c - at_a) * (at_c - at_b))}};
-  }
-
-  const BeamGrid& beams_;
-  int window_;  // number of frames on either side
-  std::vector<double> path_mm_;
-  std::vector<Tangent> tangents_;
-};
 
 /// Samples, lines and frames along each edge of a patch.
 Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
@@ -127,7 +65,7 @@ class Cutter {
           kAtOnce);
     };
     each_of(boxes_.size(), [&](std::size_t patch) { fill(patch, motions); });
-    each_of(result_.blocks.size(), [&](std::size_t block) { enclose(result_.blocks[block]); });
+    enclose();
     return std::move(result_);
   }
 
@@ -152,25 +90,24 @@ class Cutter {
     return motions;
   }
 
-  /// Calls visit(beam, sample, offset) for the subset of samples that counts.
+  /// Calls visit(beam) for the beams of a box, an index and the sum of line and frame.
   template <typename Visit>
-  void for_subset(const Box& box, const Visit& visit) const {
+  void for_beams(const Box& box, const Visit& visit) const {
     for (int f = box.begin.z(); f < box.end.z(); ++f)
-      for (int l = box.begin.y(); l < box.end.y(); ++l) {
-        const std::size_t beam = beam_index(f, l);
-        const std::size_t start = beam * static_cast<std::size_t>(us_.beams.samples());
-        const int skipped = (box.begin.x() + l + f) % step_;
-        for (int s = box.begin.x() + skipped; s < box.end.x(); s += step_)
-          visit(beam, s, start + static_cast<std::size_t>(s));
-      }
+      for (int l = box.begin.y(); l < box.end.y(); ++l) visit(beam_index(f, l), l + f);
   }
 
-  /// Calls visit for the known samples of the subset.
+  /// Calls visit(sample, offset) for the known samples of the subset that lie on one beam of a box.
   template <typename Visit>
-  void for_known(const Box& box, const Visit& visit) const {
-    for_subset(box, [&](std::size_t beam, int sample, std::size_t offset) {
-      if (us_.known.empty() || us_.known[offset] != 0) visit(beam, sample, offset);
-    });
+  void for_known(const Box& box, std::size_t beam, int line_and_frame, const Visit& visit) const {
+    const std::size_t start = beam * static_cast<std::size_t>(us_.beams.samples());
+    const std::uint8_t* const known = us_.known.empty() ? nullptr : us_.known.data() + start;
+    for (int s = first_sample(box, line_and_frame); s < box.end.x(); s += step_)
+      if (known == nullptr || known[s] != 0) visit(s, start + static_cast<std::size_t>(s));
+  }
+
+  int first_sample(const Box& box, int line_and_frame) const {
+    return box.begin.x() + (box.begin.x() + line_and_frame) % step_;
   }
 
   /// Chooses the boxes that count, with the statistics of their ultrasound.
@@ -180,12 +117,15 @@ class Cutter {
     std::vector<std::vector<Box>> chosen(static_cast<std::size_t>(layers));
     parallel_for(layers, [&](int layer) {
       const int f = layer * size_.z();
-      for (int l = 0; l < all.y(); l += size_.y())
+      std::vector<Box> column;
+      for (int l = 0; l < all.y(); l += size_.y()) {
+        column.clear();
         for (int s = 0; s < all.x(); s += size_.x()) {
           const Vector3i begin(s, l, f);
-          Box box{begin, (begin + size_).cwiseMin(all), {}};
-          if (counts(box)) chosen[static_cast<std::size_t>(layer)].push_back(box);
+          column.push_back({begin, (begin + size_).cwiseMin(all), {}});
         }
+        add_counting(column, chosen[static_cast<std::size_t>(layer)]);
+      }
     });
     for (const std::vector<Box>& boxes : chosen)
       boxes_.insert(boxes_.end(), boxes.begin(), boxes.end());
@@ -193,26 +133,55 @@ class Cutter {
                      [](const Box& a, const Box& b) { return a.patch.count > b.patch.count; });
   }
 
-  bool counts(Box& box) const {
-    UltrasoundPatches::Patch& patch = box.patch;
-    double all = 0.0;
-    for_subset(box, [&](std::size_t, int, std::size_t) { all += 1.0; });
-    for_known(box, [&](std::size_t, int sample, std::size_t offset) {
-      patch.mean += us_.brightness[offset];
-      patch.depth_mm += us_.beams.axial.depth_mm(sample);
-      ++patch.count;
+  /// Finds the statistics of boxes that lie behind each other on the same beams, and adds those
+  /// that count to `chosen`. Beam by beam, the sums of many boxes are added to at the same time;
+  /// those of one box would wait for each other.
+  void add_counting(std::vector<Box>& column, std::vector<Box>& chosen) const {
+    std::vector<int> samples(column.size());  // of the subset, known or not
+    for_beams(column.front(), [&](std::size_t beam, int line_and_frame) {
+      for (std::size_t i = 0; i < column.size(); ++i) {
+        UltrasoundPatches::Patch patch = column[i].patch;
+        samples[i] +=
+            (column[i].end.x() - first_sample(column[i], line_and_frame) + step_ - 1) / step_;
+        for_known(column[i], beam, line_and_frame, [&](int sample, std::size_t offset) {
+          patch.mean += us_.brightness[offset];
+          patch.depth_mm += us_.beams.axial.depth_mm(sample);
+          ++patch.count;
+        });
+        column[i].patch = patch;
+      }
     });
-    const Vector3i middle = (box.begin + box.end) / 2;
-    patch.centre_us_mm = us_.beams.point(middle.z(), middle.y(), middle.x());
-    const auto count = static_cast<double>(patch.count);
-    if (patch.count < 2 || count < least_share_ * all) return false;
-    patch.mean /= count;
-    patch.depth_mm /= count;
-    for_known(box, [&](std::size_t, int, std::size_t offset) {
-      const double difference = us_.brightness[offset] - patch.mean;
-      patch.square_sum += difference * difference;
+    for (std::size_t i = 0; i < column.size(); ++i) {
+      UltrasoundPatches::Patch& patch = column[i].patch;
+      const auto count = static_cast<double>(patch.count);
+      if (count < least_share_ * samples[i]) patch.count = 0;
+      patch.mean /= count;
+      patch.depth_mm /= count;
+      const Vector3i middle = (column[i].begin + column[i].end) / 2;
+      patch.centre_us_mm = us_.beams.point(middle.z(), middle.y(), middle.x());
+    }
+    for_beams(column.front(), [&](std::size_t beam, int line_and_frame) {
+      for (Box& box : column) {
+        const double mean = box.patch.mean;
+        double square_sum = box.patch.square_sum;
+        for_known(box, beam, line_and_frame, [&](int, std::size_t offset) {
+          const double difference = us_.brightness[offset] - mean;
+          square_sum += difference * difference;
+        });
+        box.patch.square_sum = square_sum;
+      }
     });
-    return patch.square_sum > kLeastDeviation * kLeastDeviation * count;
+    std::copy_if(column.begin(), column.end(), std::back_inserter(chosen), [](const Box& box) {
+      return box.patch.count >= 2 &&
+             box.patch.square_sum >
+                 kLeastDeviation * kLeastDeviation * static_cast<double>(box.patch.count);
+    });
+  }
+
+  /// Number of samples of a strand of a patch.
+  static std::size_t length(const UltrasoundPatches::Patch& patch, std::size_t strand) {
+    const std::size_t strands = patch.strands();
+    return (strand + 1) * patch.count / strands - strand * patch.count / strands;
   }
 
   /// Arranges strands in blocks.
@@ -232,8 +201,7 @@ class Cutter {
       result_.count += box.patch.count;
       result_.patches.push_back(box.patch);
       const std::size_t strands = box.patch.strands();
-      for (std::size_t i = 0; i < strands; ++i)
-        lengths.push_back((i + 1) * box.patch.count / strands - i * box.patch.count / strands);
+      for (std::size_t i = 0; i < strands; ++i) lengths.push_back(length(box.patch, i));
     }
     next_block();
     if (result_.first_single_patch == result_.patches.size())
@@ -245,6 +213,7 @@ class Cutter {
       begin += *most * kLanes;
     }
     size_in_memory_ = begin;
+    strand_boxes_.resize(lengths.size());
   }
 
   /// Allocates the arrays, filled with padding, which remains behind the shorter strands of a
@@ -269,32 +238,38 @@ class Cutter {
 
   void fill(std::size_t p, const std::vector<Beam>& motions) {
     const UltrasoundPatches::Patch& patch = result_.patches[p];
-    const std::size_t strands = patch.strands();
-    std::size_t strand = 0;
-    std::size_t first = 0;  // first sample of the strand in its patch
-    std::size_t next = patch.count / strands;
-    std::size_t i = 0;
-    for_known(boxes_[p], [&](std::size_t beam, int sample, std::size_t offset) {
-      if (i == next) {
-        ++strand;
-        first = next;
-        next = (strand + 1) * patch.count / strands;
-      }
-      const std::size_t lane = patch.first_strand + strand;
-      const std::size_t place =
-          result_.blocks[lane / kLanes].begin + (i - first) * kLanes + lane % kLanes;
-      const double depth_mm = us_.beams.axial.depth_mm(sample);
-      put_position(place, us_.beams.beams[beam], depth_mm);
-      if (with_beams_) put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
-      result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
-      ++i;
+    std::size_t strand = patch.first_strand;
+    std::size_t place = place_of(strand);
+    std::size_t left = length(patch, 0);
+    Eigen::AlignedBox3f box;
+    for_beams(boxes_[p], [&](std::size_t beam, int line_and_frame) {
+      for_known(boxes_[p], beam, line_and_frame, [&](int sample, std::size_t offset) {
+        if (left == 0) {
+          strand_boxes_[strand] = box;
+          box.setEmpty();
+          ++strand;
+          place = place_of(strand);
+          left = length(patch, strand - patch.first_strand);
+        }
+        const double depth_mm = us_.beams.axial.depth_mm(sample);
+        box.extend(put_position(place, us_.beams.beams[beam], depth_mm));
+        if (with_beams_) put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
+        result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
+        place += kLanes;
+        --left;
+      });
     });
+    strand_boxes_[strand] = box;
   }
 
-  void enclose(UltrasoundPatches::Block& block) const {
-    for (std::size_t s = block.begin; s < block.begin + block.rows * kLanes; ++s)
-      if (result_.x_mm[s] != UltrasoundPatches::kNowhere)
-        block.box.extend(Eigen::Vector3f(result_.x_mm[s], result_.y_mm[s], result_.z_mm[s]));
+  void enclose() {
+    for (std::size_t strand = 0; strand < strand_boxes_.size(); ++strand)
+      result_.blocks[strand / kLanes].box.extend(strand_boxes_[strand]);
+  }
+
+  /// The place of the first sample of a strand.
+  std::size_t place_of(std::size_t strand) const {
+    return result_.blocks[strand / kLanes].begin + strand % kLanes;
   }
 
   static void set(const Vector3d& vector, std::size_t place, LargeVector<float>& x,
@@ -304,9 +279,10 @@ class Cutter {
     z[place] = static_cast<float>(vector.z());
   }
 
-  void put_position(std::size_t place, const Beam& beam, double depth_mm) {
-    set(beam.origin_mm + depth_mm * beam.direction, place, result_.x_mm, result_.y_mm,
-        result_.z_mm);
+  Eigen::Vector3f put_position(std::size_t place, const Beam& beam, double depth_mm) {
+    const Vector3d position = beam.origin_mm + depth_mm * beam.direction;
+    set(position, place, result_.x_mm, result_.y_mm, result_.z_mm);
+    return position.cast<float>();
   }
 
   void put_beam(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
@@ -322,6 +298,7 @@ class Cutter {
   int step_;  // step between counting samples of a line
   double least_share_;
   std::vector<Box> boxes_;
+  std::vector<Eigen::AlignedBox3f> strand_boxes_;
   std::size_t size_in_memory_ = 0;
   UltrasoundPatches result_;
 };

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "similarity/large_pages.h"
+#include "large_pages.h"
 #include "us_ct_registration/similarity/patch_options.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 

@@ -1,12 +1,15 @@
 #include "us_ct_registration/ultrasound/conditioning.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 #include "parallel.h"
 #include "require.h"
 #include "ultrasound/exclusion.h"
 #include "ultrasound/gaussian_sums.h"
+#include "ultrasound/square_roots.h"
 
 namespace usct {
 namespace {
@@ -24,65 +27,105 @@ struct Statistics {
 Statistics statistics(const std::vector<float>& values, const std::vector<std::uint8_t>& reasons) {
   const auto sum_of = [&](const auto& term) {
     return parallel_sum(values.size(), [&](std::size_t begin, std::size_t end) {
-      double sum = 0.0;
-      for (std::size_t i = begin; i < end; ++i)
-        if (reasons[i] == 0) sum += term(values[i]);
-      return sum;
+      // Additions to one sum would wait for each other.
+      constexpr std::size_t kSums = 8;
+      std::array<double, kSums> sums{};
+      const auto add = [&](std::size_t sum, std::size_t i) {
+        sums[sum] += reasons[i] == 0 ? term(static_cast<double>(values[i])) : 0.0;
+      };
+      std::size_t i = begin;
+      for (; i + kSums <= end; i += kSums)
+        for (std::size_t sum = 0; sum < kSums; ++sum) add(sum, i + sum);
+      for (; i < end; ++i) add(0, i);
+      return std::accumulate(sums.begin(), sums.end(), 0.0);
     });
   };
   const auto count = static_cast<double>(std::count(reasons.begin(), reasons.end(), 0));
   if (count == 0.0) return {};
-  const double mean = sum_of([](float value) { return value; }) / count;
-  const double squares = sum_of([&](float value) { return (value - mean) * (value - mean); });
+  const double mean = sum_of([](double value) { return value; }) / count;
+  const double squares = sum_of([&](double value) { return (value - mean) * (value - mean); });
   return {mean, std::sqrt(squares / count)};
 }
 
-/// Returns function(value, i) where a sample counts, and 0 elsewhere.
-template <typename Function>
-std::vector<float> where_counting(const ConditionedUltrasound& us, std::vector<float> values,
-                                  const Function& function) {
-  parallel_ranges(values.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      values[i] = us.reasons[i] == 0 ? function(values[i], i) : 0.0F;
+/// The samples of one line; values that do not count are 0.
+struct SampleLine {
+  float* values;
+  const std::uint8_t* reasons;
+  std::size_t count;
+
+  /// Replaces values by function(value, sample) where they count.
+  template <typename Function>
+  void replace(const Function& function) const {
+    for (std::size_t s = 0; s < count; ++s) {
+      const float replaced = function(values[s], s);
+      values[s] = reasons[s] == 0 ? replaced : 0.0F;
+    }
+  }
+};
+
+SampleLine line_of(ConditionedUltrasound& us, int frame, int line) {
+  const std::size_t count = us.samples.size() / (static_cast<std::size_t>(us.lines) *
+                                                 static_cast<std::size_t>(us.frames));
+  const std::size_t start = (static_cast<std::size_t>(frame) * static_cast<std::size_t>(us.lines) +
+                             static_cast<std::size_t>(line)) *
+                            count;
+  return {us.samples.data() + start, us.reasons.data() + start, count};
+}
+
+/// Arrays of which Gaussian sums are taken: 1 where a sample counts, its value, and its square.
+enum Summed : std::size_t { kWeight, kValue, kSquare };
+
+/// Calls use(line, sums) with the Gaussian sums of the first `arrays` of Summed.
+template <typename UseLine>
+void with_local_sums(const BeamGrid& beams, double sigma_mm, std::size_t arrays,
+                     ConditionedUltrasound& us, const UseLine& use) {
+  const auto fill = [&](int frame, int line, float* const* rows) {
+    const SampleLine from = line_of(us, frame, line);
+    for (std::size_t s = 0; s < from.count; ++s)
+      rows[kWeight][s] = from.reasons[s] == 0 ? 1.0F : 0.0F;
+    std::copy_n(from.values, from.count, rows[kValue]);
+    if (arrays > kSquare)
+      for (std::size_t s = 0; s < from.count; ++s)
+        rows[kSquare][s] = from.values[s] * from.values[s];
+  };
+  GaussianSums(beams, sigma_mm)(arrays, fill, [&](int frame, int line, const float* const* sums) {
+    use(line_of(us, frame, line), sums);
   });
-  return values;
-}
-
-std::vector<float> local_mean(const GaussianSums& sums, const ConditionedUltrasound& us,
-                              std::vector<float> values, const std::vector<float>& weight) {
-  return where_counting(us, sums(std::move(values)),
-                        [&](float sum, std::size_t i) { return sum / weight[i]; });
-}
-
-std::vector<float> counting_mask(const ConditionedUltrasound& us) {
-  return where_counting(us, std::vector<float>(us.reasons.size()),
-                        [](float, std::size_t) { return 1.0F; });
 }
 
 void smooth(const BeamGrid& beams, double sigma_mm, ConditionedUltrasound& us) {
   if (sigma_mm == 0.0) return;
-  const GaussianSums sums(beams, sigma_mm);
-  us.samples = local_mean(sums, us, std::move(us.samples), sums(counting_mask(us)));
+  with_local_sums(
+      beams, sigma_mm, kSquare, us, [](const SampleLine& line, const float* const* sums) {
+        line.replace([&](float, std::size_t s) { return sums[kValue][s] / sums[kWeight][s]; });
+      });
 }
 
 void normalise(const BeamGrid& beams, const ConditioningOptions& options,
                ConditionedUltrasound& us) {
-  const GaussianSums sums(beams, options.window_mm);
-  const std::vector<float> weight = sums(counting_mask(us));
-  const std::vector<float> mean = local_mean(sums, us, us.samples, weight);
   if (options.normalisation == Normalisation::kFlatten) {
-    us.samples = where_counting(us, std::move(us.samples),
-                                [&](float value, std::size_t i) { return value - mean[i]; });
+    with_local_sums(beams, options.window_mm, kSquare, us,
+                    [](const SampleLine& line, const float* const* sums) {
+                      line.replace([&](float value, std::size_t s) {
+                        return value - sums[kValue][s] / sums[kWeight][s];
+                      });
+                    });
     return;
   }
-  std::vector<float> squares =
-      where_counting(us, us.samples, [](float value, std::size_t) { return value * value; });
-  const std::vector<float> mean_square = local_mean(sums, us, std::move(squares), weight);
   const auto least = static_cast<float>(options.least_deviation * options.least_deviation);
-  us.samples = where_counting(us, std::move(us.samples), [&](float value, std::size_t i) {
-    const float variance = std::max(0.0F, mean_square[i] - mean[i] * mean[i]);
-    return (value - mean[i]) / std::sqrt(variance + least);
-  });
+  with_local_sums(
+      beams, options.window_mm, kSquare + 1, us,
+      [&](const SampleLine& line, const float* const* sums) {
+        std::vector<float> mean(line.count);
+        std::vector<float> deviation(line.count);
+        for (std::size_t s = 0; s < line.count; ++s) {
+          mean[s] = sums[kValue][s] / sums[kWeight][s];
+          const float mean_square = sums[kSquare][s] / sums[kWeight][s];
+          deviation[s] = std::max(0.0F, mean_square - mean[s] * mean[s]) + least;
+        }
+        take_square_roots(deviation.data(), line.count);
+        line.replace([&](float value, std::size_t s) { return (value - mean[s]) / deviation[s]; });
+      });
 }
 
 }  // namespace
@@ -155,8 +198,11 @@ ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
   if (all.deviation <= kConstantShare * std::abs(all.mean))
     for (std::uint8_t& reasons : result.reasons)
       if (reasons == 0) reasons = kConstant;
-  result.samples = where_counting(result, std::move(result.samples), [&](float value, std::size_t) {
-    return in_deviations ? static_cast<float>((value - all.mean) / all.deviation) : value;
+  parallel_for(result.frames, [&](int frame) {
+    for (int line = 0; line < result.lines; ++line)
+      line_of(result, frame, line).replace([&](float value, std::size_t) {
+        return in_deviations ? static_cast<float>((value - all.mean) / all.deviation) : value;
+      });
   });
   smooth(ultrasound.beams, options.smoothing_mm, result);
   report(0.4);

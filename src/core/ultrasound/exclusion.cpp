@@ -7,7 +7,9 @@
 
 #include "parallel.h"
 #include "require.h"
+#include "ultrasound/depth_profiles.h"
 #include "ultrasound/gaussian_sums.h"
+#include "ultrasound/nth_value.h"
 
 namespace usct {
 namespace {
@@ -23,18 +25,12 @@ constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
 constexpr std::size_t kParts = 4;
 
-/// The value with `n` others before it in order; reorders the values.
-template <typename Value>
-Value nth_value(std::vector<Value>& values, std::size_t n) {
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(n);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
 /// Reorders the values.
 template <typename Value>
 Value median(std::vector<Value>& values) {
-  return nth_value(values, values.size() / 2);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 class Exclusion {
@@ -47,15 +43,20 @@ class Exclusion {
         axial_(ultrasound.beams.axial),
         samples_(ultrasound.beams.samples()),
         beams_(static_cast<int>(ultrasound.beams.beams.size())),
+        known_(ultrasound.known.empty() ? nullptr : ultrasound.known.data()),
         soft_(ultrasound.brightness.size()) {}
 
   void run() {
     result_.reasons.assign(us_.brightness.size(), 0);
     smooth();
+    profiles_ = depth_profiles(soft_, us_.known, static_cast<std::size_t>(samples_));
     find_depths();
     find_far_wall();
     judge_depths();
-    for_beams([&](int beam) { mark(beam); });
+    for_frames([&](int first, int last) {
+      std::vector<int> judged;
+      for (int beam = first; beam < last; ++beam) mark(beam, judged);
+    });
   }
 
  private:
@@ -63,75 +64,42 @@ class Exclusion {
     return static_cast<std::size_t>(beam) * static_cast<std::size_t>(samples_) +
            static_cast<std::size_t>(sample);
   }
-  bool is_known(std::size_t i) const { return us_.known.empty() || us_.known[i] != 0; }
+  bool is_known(std::size_t i) const { return known_ == nullptr || known_[i] != 0; }
 
-  /// Calls `body` for each beam, in parallel over frames, since one beam is too little work for a
-  /// task.
+  /// Calls `body(first, last)` for the beams of each frame, in parallel.
+  template <typename Body>
+  void for_frames(const Body& body) const {
+    const int lines = us_.beams.lines;
+    parallel_for(us_.beams.frames, [&](int frame) { body(frame * lines, (frame + 1) * lines); });
+  }
   template <typename Body>
   void for_beams(const Body& body) const {
-    const int lines = us_.beams.lines;
-    parallel_for(us_.beams.frames, [&](int frame) {
-      for (int beam = frame * lines; beam < (frame + 1) * lines; ++beam) body(beam);
+    for_frames([&](int first, int last) {
+      for (int beam = first; beam < last; ++beam) body(beam);
     });
   }
 
   /// Averages speckle over the known samples.
   void smooth() {
-    std::vector<float> weight(soft_.size());
-    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        if (is_known(i)) {
-          weight[i] = 1.0F;
-          soft_[i] = us_.brightness[i];
-        }
-    });
-    const GaussianSums sums(us_.beams, kSpeckleSigmaMm);
-    soft_ = sums(std::move(soft_));
-    weight = sums(std::move(weight));
-    parallel_ranges(soft_.size(), [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        if (is_known(i)) soft_[i] /= weight[i];
-    });
-  }
-
-  /// The usual grey value at each depth: the median over the beams whose value is known there, NaN
-  /// if there is none.
-  std::vector<double> usual_grey() const {
-    constexpr int kAtOnce = 16;  // samples per task: about a cache line of each beam
-    std::vector<double> result(static_cast<std::size_t>(samples_));
-    parallel_for((samples_ + kAtOnce - 1) / kAtOnce, [&](int part) {
-      const int first = part * kAtOnce;
-      const int last = std::min(samples_, first + kAtOnce);
-      std::array<std::vector<float>, kAtOnce> values;
-      for (std::vector<float>& column : values) column.reserve(static_cast<std::size_t>(beams_));
-      for (int beam = 0; beam < beams_; ++beam)
-        for (int s = first; s < last; ++s)
-          if (is_known(at(beam, s)))
-            values[static_cast<std::size_t>(s - first)].push_back(soft_[at(beam, s)]);
-      for (int s = first; s < last; ++s) {
-        std::vector<float>& column = values[static_cast<std::size_t>(s - first)];
-        result[static_cast<std::size_t>(s)] =
-            column.empty() ? std::numeric_limits<double>::quiet_NaN() : median(column);
+    const auto start_of = [&](int frame, int line) {
+      return at(frame * us_.beams.lines + line, 0);
+    };
+    const auto fill = [&](int frame, int line, float* const* rows) {
+      const std::size_t start = start_of(frame, line);
+      for (std::size_t s = 0; s < static_cast<std::size_t>(samples_); ++s) {
+        const bool known = is_known(start + s);
+        rows[0][s] = known ? us_.brightness[start + s] : 0.0F;
+        rows[1][s] = known ? 1.0F : 0.0F;
       }
-    });
-    return result;
-  }
-
-  /// The mean grey value at each depth over the beams whose value is known there.
-  std::vector<double> mean_grey() const {
-    std::vector<double> sum(static_cast<std::size_t>(samples_));
-    std::vector<double> count(sum.size());
-    for (int beam = 0; beam < beams_; ++beam) {
-      const float* soft = soft_.data() + at(beam, 0);
-      const std::uint8_t* known = us_.known.empty() ? nullptr : us_.known.data() + at(beam, 0);
-      for (std::size_t s = 0; s < sum.size(); ++s) {
-        const double counts = known == nullptr || known[s] != 0 ? 1.0 : 0.0;
-        sum[s] += counts * static_cast<double>(soft[s]);
-        count[s] += counts;
+    };
+    const auto divide = [&](int frame, int line, const float* const* sums) {
+      const std::size_t start = start_of(frame, line);
+      for (std::size_t s = 0; s < static_cast<std::size_t>(samples_); ++s) {
+        const float mean = sums[0][s] / sums[1][s];
+        soft_[start + s] = is_known(start + s) ? mean : 0.0F;
       }
-    }
-    for (std::size_t s = 0; s < sum.size(); ++s) sum[s] /= count[s];
-    return sum;
+    };
+    GaussianSums(us_.beams, kSpeckleSigmaMm)(2, fill, divide);
   }
 
   void find_depths() {
@@ -149,11 +117,10 @@ class Exclusion {
   }
 
   double near_field_end_mm() const {
-    const std::vector<double> profile = mean_grey();
     std::vector<double> inner;
     for (int s = samples_ / 4; s <= samples_ * 3 / 4; ++s)
-      if (std::isfinite(profile[static_cast<std::size_t>(s)]))
-        inner.push_back(profile[static_cast<std::size_t>(s)]);
+      if (std::isfinite(profiles_.mean[static_cast<std::size_t>(s)]))
+        inner.push_back(profiles_.mean[static_cast<std::size_t>(s)]);
     const int third = samples_ / 3;
     const double third_mm = axial_.depth_mm(third);
     double end_mm = std::min(options_.depth.near_field_mm, third_mm);
@@ -164,7 +131,7 @@ class Exclusion {
                                       kNearFieldChange * std::abs(level));
     const double limit_mm = std::min(options_.depth.near_field_limit_mm, third_mm);
     for (int s = 0; s < samples_ && axial_.depth_mm(s) <= limit_mm; ++s)
-      if (std::abs(profile[static_cast<std::size_t>(s)] - level) > tolerance)
+      if (std::abs(profiles_.mean[static_cast<std::size_t>(s)] - level) > tolerance)
         end_mm = std::max(end_mm, axial_.depth_mm(s + 1));
     return end_mm;
   }
@@ -204,9 +171,8 @@ class Exclusion {
         values[count] = soft_[at(beam, s)];
         count += is_known(at(beam, s)) ? 1 : 0;
       }
-    values.resize(count);
-    if (values.empty()) return std::numeric_limits<double>::infinity();
-    const double decile = nth_value(values, values.size() * 9 / 10);
+    if (count == 0) return std::numeric_limits<double>::infinity();
+    const double decile = nth_value(values.data(), count, count * 9 / 10);
     return std::max(std::min(kWallRise * decile, kSurelyWallGrey), options_.visible_grey);
   }
 
@@ -236,14 +202,13 @@ class Exclusion {
 
   /// Finds the depths that are excluded, or too dark to judge, for all beams alike.
   void judge_depths() {
-    usual_ = usual_grey();
-    visible_.resize(usual_.size());
-    outside_.resize(usual_.size());
-    for (std::size_t s = 0; s < usual_.size(); ++s) {
+    visible_.resize(profiles_.median.size());
+    outside_.resize(profiles_.median.size());
+    for (std::size_t s = 0; s < profiles_.median.size(); ++s) {
       const double depth_mm = axial_.depth_mm(static_cast<int>(s));
       const bool inside = depth_mm >= result_.min_depth_mm && depth_mm <= result_.max_depth_mm;
       outside_[s] = inside ? 0 : kOutsideDepth;
-      visible_[s] = inside && usual_[s] >= options_.visible_grey ? 1 : 0;
+      visible_[s] = inside && profiles_.median[s] >= options_.visible_grey ? 1 : 0;
     }
   }
 
@@ -258,13 +223,16 @@ class Exclusion {
     return high - low <= kConstantGrey;
   }
 
-  /// The samples by which contact and shadow of a beam are judged.
-  std::vector<int> judged_of(int beam) const {
-    std::vector<int> judged;
-    judged.reserve(static_cast<std::size_t>(samples_));
-    for (int s = 0; s < std::min(samples_, wall_[static_cast<std::size_t>(beam)]); ++s)
-      if (visible_[static_cast<std::size_t>(s)] != 0 && is_known(at(beam, s))) judged.push_back(s);
-    return judged;
+  /// Finds the samples by which contact and shadow of a beam are judged.
+  void find_judged(int beam, std::vector<int>& judged) const {
+    const int end = std::min(samples_, wall_[static_cast<std::size_t>(beam)]);
+    judged.resize(static_cast<std::size_t>(end));
+    std::size_t count = 0;
+    for (int s = 0; s < end; ++s) {
+      judged[count] = s;
+      count += visible_[static_cast<std::size_t>(s)] != 0 && is_known(at(beam, s)) ? 1 : 0;
+    }
+    judged.resize(count);
   }
 
   /// Whether the beam is dark in every quarter of the judged samples. A beam that ends at a rib is
@@ -277,7 +245,7 @@ class Exclusion {
       for (std::size_t i = part * judged.size() / kParts; i < (part + 1) * judged.size() / kParts;
            ++i) {
         sum += soft_[at(beam, judged[i])];
-        usual_sum += usual_[static_cast<std::size_t>(judged[i])];
+        usual_sum += profiles_.median[static_cast<std::size_t>(judged[i])];
       }
       if (sum >= options_.no_contact_share * usual_sum) return false;
     }
@@ -287,14 +255,17 @@ class Exclusion {
   /// The first sample of the dark end of a line, of which at least `kDarkShare` is dark (the rest
   /// is noise); `samples_` if there is none.
   int shadow_start(int beam, const std::vector<int>& judged) const {
+    // With more bright samples than this no longer end is dark.
+    const double most_bright = (1.0 - kDarkShare) * static_cast<double>(judged.size()) + 1.0;
     int start = samples_;
     int shadow = 0;
     int seen = 0;
     int dark = 0;
-    for (std::size_t i = judged.size(); i-- > 0;) {
+    for (std::size_t i = judged.size(); i-- > 0 && seen - dark <= most_bright;) {
       const int s = judged[i];
       ++seen;
-      if (soft_[at(beam, s)] >= options_.shadow_share * usual_[static_cast<std::size_t>(s)])
+      if (soft_[at(beam, s)] >=
+          options_.shadow_share * profiles_.median[static_cast<std::size_t>(s)])
         continue;
       ++dark;
       if (dark < kDarkShare * seen) continue;
@@ -304,8 +275,9 @@ class Exclusion {
     return shadow * axial_.spacing_mm >= options_.min_shadow_mm ? start : samples_;
   }
 
-  void mark(int beam) {
-    const std::vector<int> judged = judged_of(beam);
+  /// `judged` is memory that is used again.
+  void mark(int beam, std::vector<int>& judged) {
+    find_judged(beam, judged);
     const bool no_contact = is_constant(beam) || is_dark(beam, judged);
     const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
     std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
@@ -332,10 +304,11 @@ class Exclusion {
   AxialSampling axial_;
   int samples_;
   int beams_;
-  std::vector<float> soft_;  // brightness after averaging of speckle
+  const std::uint8_t* known_;  // null if all brightness is known
+  std::vector<float> soft_;    // brightness after averaging of speckle; 0 where it is not known
   std::vector<int> wall_;
   // One entry per depth:
-  std::vector<double> usual_;
+  DepthProfiles profiles_;             // of soft_; the usual grey value is the median
   std::vector<std::uint8_t> visible_;  // 0 where even the usual grey is dark, or outside_
   std::vector<std::uint8_t> outside_;  // kOutsideDepth, or 0
 };

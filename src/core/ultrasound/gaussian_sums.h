@@ -1,9 +1,13 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <cstddef>
+#include <functional>
 #include <vector>
 
+#include "large_pages.h"
+#include "ultrasound/axis_blocks.h"
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "volume/combine_rows.h"
 
 namespace usct {
 
@@ -17,48 +21,49 @@ namespace usct {
 /// within one.
 class GaussianSums {
  public:
+  /// Writes a line of each array that is summed: rows[array][sample].
+  using Fill = std::function<void(int frame, int line, float* const* rows)>;
+  /// Receives a line of the sums of each array. The rows are valid during the call only.
+  using Use = std::function<void(int frame, int line, const float* const* rows)>;
+
   GaussianSums(const BeamGrid& beams, double sigma_mm);
 
-  /// Takes and returns samples x lines x frames. A vector that is moved in is reused for the
-  /// result.
-  std::vector<float> operator()(std::vector<float> values) const;
+  /// Sums several arrays together, which takes less time than one after the other. Both functions
+  /// are called once per line, from several threads; all lines are filled before the first is used.
+  void operator()(std::size_t arrays, const Fill& fill, const Use& use) const;
+
+  /// Sums one array of samples x lines x frames.
+  std::vector<float> operator()(const std::vector<float>& values) const;
 
  private:
-  /// The blocks along an axis. If their size is above 1, there is an empty block beyond either end.
-  struct Blocks {
-    int count = 0;  // samples, lines or frames along the axis
-    int size = 1;
-    int blocks() const { return size == 1 ? count : (count + size - 1) / size + 2; }
-    int block_of(int i) const { return size == 1 ? i : i / size + 1; }
-    double middle(int block) const { return size == 1 ? block : (block - 0.5) * size - 0.5; }
-    /// Interpolation at i: the block whose middle is at or before i, and the weight of the next
-    /// block.
-    void between(int i, int& block, float& share) const;
+  /// The rows (lines or frames) that enter each sum, with their weights, for one part of a row. The
+  /// deeper a part lies, the farther are its rows apart, and the fewer are within the window.
+  struct Taps {
+    std::vector<RowRange> ranges;
+    LargeVector<float> weights;  // aligned, unlike those of std::vector
   };
-  /// The weights with which a row (line or frame) of blocks enters the sum of another row, one per
-  /// sample.
-  struct Tap {
-    int row = 0;
-    std::vector<float> weights;
-  };
-  using Taps = std::vector<std::vector<Tap>>;
+  class Table;
 
   template <typename PointAt>
-  Taps taps_across(const Blocks& rows, const PointAt& point_at) const;
-  std::vector<float> block_sums(const std::vector<float>& values) const;
-  /// Applies the window along samples and across lines, in place, to values or to sums of blocks.
-  void sum_within_frames(std::vector<float>& values) const;
-  void sum_across_frames(std::vector<float>& values) const;
-  /// Interpolates between the sums of blocks.
-  void interpolate(const std::vector<float>& sums, std::vector<float>& values) const;
+  std::vector<Taps> taps_across(const AxisBlocks& rows, const PointAt& point_at) const;
+  static void sum_across(const std::vector<Taps>& taps, std::size_t tables,
+                         TableRows<const float> in, TableRows<float> out);
+  Table sums_within_frames(std::size_t arrays, const Fill& fill) const;
+  /// Writes the sums along the samples of a frame of blocks to a table for each array.
+  void sum_along_samples(int frame_block, const Fill& fill, float* const* tables,
+                         std::size_t arrays) const;
+  /// `use` may write to the rows of the table that it receives the sums of.
+  void sum_across_frames(const Table& table, const Use& use) const;
+  void interpolate(const Table& table, const Use& use) const;
 
   double sigma_mm_;
-  Blocks samples_;
-  Blocks lines_;
-  Blocks frames_;
-  std::vector<float> kernel_;  // weights along samples, centred
-  Taps line_taps_;
-  Taps frame_taps_;
+  AxisBlocks samples_;
+  AxisBlocks lines_;
+  AxisBlocks frames_;
+  std::size_t row_size_ = 0;     // blocks along samples, filled up to whole parts
+  std::vector<float> kernel_;    // weights along samples, centred
+  std::vector<Taps> line_taps_;  // for each part of a row
+  std::vector<Taps> frame_taps_;
 };
 
 }  // namespace usct

@@ -37,24 +37,14 @@ struct Uniform {
   }
 };
 
-/// Rows with a weight for each value.
-struct Weighted {
-  const WeightedRow* rows;
-
-  HWY_INLINE V products(std::size_t row, std::size_t i) const {
-    return hn::Mul(load(rows[row].weights + i), load(rows[row].values + i));
-  }
-  float product(std::size_t row, std::size_t i) const {
-    return rows[row].weights[i] * rows[row].values[i];
-  }
-};
-
-template <typename Rows>
-void combine(const Rows& rows, std::size_t row_count, std::size_t count, float* out) {
+template <typename T>
+void combine(const Uniform<T>& rows, std::size_t row_count, std::size_t count, float* out) {
   const std::size_t lanes = hn::Lanes(d);
   std::size_t i = 0;
-  // Four independent sums hide the latency of the additions.
-  for (; i + 4 * lanes <= count; i += 4 * lanes) {
+  // Four independent sums hide the latency of the additions. If they do not divide the count, the
+  // last four compute some sums a second time, as the last vector below does.
+  while (i < count && count >= 4 * lanes) {
+    i = std::min(i, count - 4 * lanes);
     V a = hn::Zero(d), b = a, c = a, e = a;
     for (std::size_t row = 0; row < row_count; ++row) {
       a = hn::Add(a, rows.products(row, i));
@@ -66,8 +56,8 @@ void combine(const Rows& rows, std::size_t row_count, std::size_t count, float* 
     hn::StoreU(b, d, out + i + lanes);
     hn::StoreU(c, d, out + i + 2 * lanes);
     hn::StoreU(e, d, out + i + 3 * lanes);
+    i += 4 * lanes;
   }
-  // If the lanes do not divide the count, the last vector computes some sums a second time.
   while (i < count && count >= lanes) {
     i = std::min(i, count - lanes);
     V sum = hn::Zero(d);
@@ -94,9 +84,38 @@ USCT_COMBINE(combine_u16, std::uint16_t)
 USCT_COMBINE(combine_f32, float)
 #undef USCT_COMBINE
 
-void combine_weighted(const WeightedRow* rows, std::size_t row_count, std::size_t count,
-                      float* out) {
-  combine(Weighted{rows}, row_count, count, out);
+void sum_tables(const std::vector<RowRange>& ranges, const float* weights, std::size_t at,
+                std::size_t tables, TableRows<const float> in, TableRows<float> out) {
+  const hn::CappedTag<float, kRowPart> dp;
+  for (std::size_t first = 0; first < tables; first += 4)
+    for (std::size_t i = at; i < at + kRowPart; i += hn::Lanes(dp)) {
+      // Four independent sums; if fewer tables are left, some are of the last one again.
+      const auto table = [&](std::size_t n) { return std::min(first + n, tables - 1); };
+      const float* const in_a = in.tables[table(0)] + i;
+      const float* const in_b = in.tables[table(1)] + i;
+      const float* const in_c = in.tables[table(2)] + i;
+      const float* const in_e = in.tables[table(3)] + i;
+      std::size_t to = 0;
+      for (const RowRange& range : ranges) {
+        auto a = hn::Zero(dp), b = a, c = a, e = a;
+        const float* weight = weights + range.first_weight + (i - at);
+        std::size_t from = range.first_row * in.row_stride;
+        for (std::size_t row = 0; row < range.rows; ++row) {
+          const auto w = hn::LoadU(dp, weight);
+          a = hn::Add(a, hn::Mul(w, hn::LoadU(dp, in_a + from)));
+          b = hn::Add(b, hn::Mul(w, hn::LoadU(dp, in_b + from)));
+          c = hn::Add(c, hn::Mul(w, hn::LoadU(dp, in_c + from)));
+          e = hn::Add(e, hn::Mul(w, hn::LoadU(dp, in_e + from)));
+          weight += kRowPart;
+          from += in.row_stride;
+        }
+        hn::StoreU(a, dp, out.tables[table(0)] + to + i);
+        hn::StoreU(b, dp, out.tables[table(1)] + to + i);
+        hn::StoreU(c, dp, out.tables[table(2)] + to + i);
+        hn::StoreU(e, dp, out.tables[table(3)] + to + i);
+        to += out.row_stride;
+      }
+    }
 }
 
 }  // namespace usct::HWY_NAMESPACE
@@ -118,9 +137,10 @@ USCT_DISPATCH(combine_u16, std::uint16_t)
 USCT_DISPATCH(combine_f32, float)
 #undef USCT_DISPATCH
 
-HWY_EXPORT(combine_weighted);
-void combine_rows(const WeightedRow* rows, std::size_t row_count, std::size_t count, float* out) {
-  HWY_DYNAMIC_DISPATCH(combine_weighted)(rows, row_count, count, out);
+HWY_EXPORT(sum_tables);
+void combine_tables(const std::vector<RowRange>& ranges, const float* weights, std::size_t at,
+                    std::size_t tables, TableRows<const float> in, TableRows<float> out) {
+  HWY_DYNAMIC_DISPATCH(sum_tables)(ranges, weights, at, tables, in, out);
 }
 
 }  // namespace usct

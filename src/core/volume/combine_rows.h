@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 namespace usct {
 
@@ -15,13 +16,26 @@ template <typename T>
 void combine_rows(const T* const* rows, const float* weights, std::size_t row_count,
                   std::size_t count, float* out);
 
-/// A row with a weight for each of its values.
-struct WeightedRow {
-  const float* weights;
-  const float* values;
+/// Values along a row that one call of `combine_tables` sums.
+constexpr std::size_t kRowPart = 16;
+
+/// Tables of rows of numbers that lie apart in memory.
+template <typename T>
+struct TableRows {
+  T* const* tables;
+  std::size_t row_stride;
 };
 
-/// out[i] = sum over r of rows[r].weights[i] * rows[r].values[i], for i in [0, count).
-void combine_rows(const WeightedRow* rows, std::size_t row_count, std::size_t count, float* out);
+/// Consecutive rows of a table, and where their weights begin: kRowPart for each.
+struct RowRange {
+  std::size_t first_row;
+  std::size_t rows;
+  std::size_t first_weight;
+};
+
+/// For each of `tables` tables, makes row n of `out` the sum of the rows ranges[n] of `in`, from
+/// value `at` to at + kRowPart of the rows. A weight is loaded once for four tables.
+void combine_tables(const std::vector<RowRange>& ranges, const float* weights, std::size_t at,
+                    std::size_t tables, TableRows<const float> in, TableRows<float> out);
 
 }  // namespace usct

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/simulation/simple_scenes.h"
@@ -95,6 +96,32 @@ TEST(GaussianSums, OfNarrowWindowsAreThoseOfTheDefinition) {
 TEST(GaussianSums, OfWideWindowsAreInterpolatedToAFewPercent) {
   for (const double sigma_mm : {4.0, 8.0, 12.0})
     EXPECT_LT(greatest_error(sigma_mm), 0.06) << sigma_mm;
+}
+
+TEST(GaussianSums, OfSeveralArraysAreThoseOfEachToTheBit) {
+  const BeamGrid beams = fan();
+  const Masked us = masked_values(beams);
+  const std::vector<std::vector<float>> arrays{us.values, us.mask, us.values, us.mask, us.values};
+  for (const double sigma_mm : {1.5, 8.0}) {
+    const GaussianSums sums(beams, sigma_mm);
+    const std::vector<float> values = sums(us.values);
+    const std::vector<float> weights = sums(us.mask);
+    std::vector<int> used(beams.beams.size());
+    const auto samples = static_cast<std::size_t>(beams.samples());
+    const auto fill = [&](int frame, int line, float* const* rows) {
+      for (std::size_t array = 0; array < arrays.size(); ++array)
+        std::copy_n(arrays[array].begin() + static_cast<std::ptrdiff_t>(at(beams, 0, line, frame)),
+                    samples, rows[array]);
+    };
+    sums(arrays.size(), fill, [&](int frame, int line, const float* const* rows) {
+      const std::size_t start = at(beams, 0, line, frame);
+      ++used[start / samples];
+      for (std::size_t array = 0; array < arrays.size(); ++array)
+        for (std::size_t s = 0; s < samples; ++s)
+          EXPECT_EQ(rows[array][s], (array % 2 == 0 ? values : weights)[start + s]);
+    });
+    EXPECT_EQ(used, std::vector<int>(beams.beams.size(), 1));
+  }
 }
 
 TEST(GaussianSums, OfOneLineOrFrame) {

@@ -65,24 +65,38 @@ TYPED_TEST(CombineRows, IsALoopOverTheRows) {
               });
 }
 
-TEST(CombineWeightedRows, IsALoopOverTheRows) {
+TEST(CombineTables, IsALoopOverTheRowsOfEachRange) {
   std::mt19937 random(2);
-  std::vector<std::vector<float>> values;
-  std::vector<std::vector<float>> weights;
-  std::vector<WeightedRow> rows;
-  for (std::size_t row = 0; row < kRows; ++row) {
-    values.push_back(random_row<float>(random));
-    weights.push_back(random_weights(random, kMostCount));
+  constexpr std::size_t kStride = 40;
+  constexpr std::size_t kOutStride = 55;
+  constexpr std::size_t kAt = 16;
+  const std::vector<RowRange> ranges{{0, 1, 0}, {2, 5, 16}, {0, kRows, 96}};
+  const std::vector<float> weights = random_weights(random, 96 + kRows * kRowPart);
+  for (std::size_t count = 1; count <= 9; ++count) {  // more than two groups of four tables
+    std::vector<std::vector<float>> tables;
+    std::vector<std::vector<float>> sums(count, std::vector<float>(ranges.size() * kOutStride, -7));
+    std::vector<const float*> in;
+    std::vector<float*> out;
+    for (std::size_t t = 0; t < count; ++t) {
+      tables.push_back(random_weights(random, kRows * kStride));
+      in.push_back(tables[t].data());
+      out.push_back(sums[t].data());
+    }
+    combine_tables(ranges, weights.data(), kAt, count, {in.data(), kStride},
+                   {out.data(), kOutStride});
+    for (std::size_t t = 0; t < count; ++t)
+      for (std::size_t n = 0; n < ranges.size(); ++n)
+        for (std::size_t i = 0; i < kOutStride; ++i) {
+          double sum = -7.0;  // remains beside the part that is summed
+          if (i >= kAt && i < kAt + kRowPart) {
+            sum = 0.0;
+            for (std::size_t r = 0; r < ranges[n].rows; ++r)
+              sum += static_cast<double>(weights[ranges[n].first_weight + r * kRowPart + i - kAt]) *
+                     static_cast<double>(tables[t][(ranges[n].first_row + r) * kStride + i]);
+          }
+          ASSERT_NEAR(sums[t][n * kOutStride + i], sum, 1e-5) << count << ' ' << t << ' ' << n;
+        }
   }
-  for (std::size_t row = 0; row < kRows; ++row)
-    rows.push_back({weights[row].data(), values[row].data()});
-  expect_sums([&](std::size_t count, float* out) { combine_rows(rows.data(), kRows, count, out); },
-              [&](std::size_t i) {
-                double sum = 0.0;
-                for (std::size_t row = 0; row < kRows; ++row)
-                  sum += static_cast<double>(weights[row][i]) * static_cast<double>(values[row][i]);
-                return sum;
-              });
 }
 
 }  // namespace
