@@ -1,5 +1,6 @@
 #pragma once
 
+#include "similarity/joint_derivatives.h"
 #include "similarity/joint_sums.h"
 #include "similarity/patch_derivatives.h"
 #include "similarity/patch_kernel.h"
@@ -7,7 +8,7 @@
 namespace usct {
 
 /// The inner loops of all metrics of patches, in one implementation. See patch_kernel.h,
-/// patch_derivatives.h and joint_sums.h for their definitions.
+/// patch_derivatives.h, joint_sums.h and joint_derivatives.h for their definitions.
 class SimilarityBackend {
  public:
   virtual ~SimilarityBackend() = default;
@@ -24,6 +25,9 @@ class SimilarityBackend {
   virtual std::size_t sample_block(const PatchKernelInput& input, std::size_t block,
                                    float* values) const = 0;
   virtual JointSums joint_sums(const JointSumsInput& input) const = 0;
+  virtual void add_joint_derivatives(const JointDerivativesInput& input, std::size_t block,
+                                     const BlockSamples& samples, DerivativeOrder order,
+                                     JointDerivatives& sums) const = 0;
 };
 
 }  // namespace usct

@@ -16,11 +16,51 @@ class JointCorrelationRatio final : public PoseByPose {
   JointCorrelationRatio(SampledImages images, const JointCorrelationRatioOptions& options)
       : images_(std::move(images)), options_(options), centred_(*images_.us) {}
 
+  std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
+                                                   DerivativeOrder order) const override {
+    const JointSumsInput input = input_at(pose);
+    const JointSums sums = images_.backend.joint_sums(input);
+    SimilarityDerivatives result;
+    result.value = value_of(sums);
+    if (!(sums.inside > 0.0)) return result;
+    std::vector<float> function;
+    for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
+      function.push_back(mean_at(sums, knot));
+    const auto samples = std::make_unique<BlockSamples>();
+    StrandSums unused;
+    JointDerivatives derivatives;
+    for (std::size_t block = 0; block < images_.us->blocks.size(); ++block) {
+      images_.backend.sample_derivatives(input.samples, block, *samples, unused);
+      images_.backend.add_joint_derivatives({input, function.data()}, block, *samples, order,
+                                            derivatives);
+    }
+    std::size_t at = 0;
+    for (int p = 0; p < 6; ++p) {
+      result.gradient[p] = derivatives.value[p] / centred_.square_sum;
+      for (int q = 0; q <= p; ++q, ++at)
+        result.curvature(p, q) = result.curvature(q, p) =
+            2.0 * derivatives.function[at] / centred_.square_sum;
+    }
+    return result;
+  }
+
  private:
+  JointSumsInput input_at(const SimilarityPose& pose) const {
+    return {images_.input(pose), centred_.value.data(), options_.bins, options_.gradient_bins,
+            options_.gradient_scale_hu_per_mm};
+  }
+
+  /// The best function at a knot.
+  float mean_at(const JointSums& sums, std::size_t knot) const {
+    const double count = sums.count[knot] + options_.prior_samples;
+    return count > 0.0 ? static_cast<float>(sums.ultrasound[knot] / count) : 0.0F;
+  }
+
   SimilarityValue value_at(const SimilarityPose& pose) const override {
-    const JointSums sums =
-        images_.backend.joint_sums({images_.input(pose), centred_.value.data(), options_.bins,
-                                    options_.gradient_bins, options_.gradient_scale_hu_per_mm});
+    return value_of(images_.backend.joint_sums(input_at(pose)));
+  }
+
+  SimilarityValue value_of(const JointSums& sums) const {
     SimilarityValue result;
     result.overlap = sums.inside / static_cast<double>(images_.us->count);
     if (!(sums.inside > 0.0)) return result;
@@ -43,6 +83,7 @@ SimilarityNeeds JointCorrelationRatioOptions::needs() const {
   SimilarityNeeds needs;
   needs.patches = true;
   needs.follows_depth_error = needs.follows_sweep_error = true;
+  needs.has_derivatives = true;
   return needs;
 }
 

@@ -30,6 +30,11 @@ class ScalarBackend final : public SimilarityBackend {
   JointSums joint_sums(const JointSumsInput& input) const override {
     return joint_sums_scalar(input);
   }
+  void add_joint_derivatives(const JointDerivativesInput& input, std::size_t block,
+                             const BlockSamples& samples, DerivativeOrder order,
+                             JointDerivatives& sums) const override {
+    add_joint_derivatives_scalar(input, block, samples, order, sums);
+  }
 };
 
 }  // namespace

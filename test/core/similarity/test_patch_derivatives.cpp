@@ -3,8 +3,8 @@
 
 #include <unsupported/Eigen/AutoDiff>
 
+#include "core/similarity/derivative_scenes.h"
 #include "core/similarity/instructions.h"
-#include "core/similarity/patch_scenes.h"
 #include "registration/decoys.h"
 #include "similarity/patch_derivatives.h"
 
@@ -296,91 +296,20 @@ RC_GTEST_PROP(PatchDerivatives, SumsAreTheReferenceWithAllInstructions, ()) {
   }
 }
 
-/// A smooth CT, and ultrasound that shows it from another pose, with noise.
-struct Registrable {
-  BeamUltrasound us = noisy_ultrasound(downward_beams(30, 28, 26));
-  Volume<float> ct = smooth_ct();
+/// A scene that local LC2 registers.
+struct RegistrableByLc2 : Registrable {
   LocalLc2Options options;
-
-  static Volume<float> smooth_ct() {
-    Volume<float> ct(oblique_grid({48, 48, 48}, {1.0, 1.1, 0.9}));
-    for (int k = 0; k < 48; ++k)
-      for (int j = 0; j < 48; ++j)
-        for (int i = 0; i < 48; ++i)
-          ct.at(i, j, k) = static_cast<float>(100.0 + 70.0 * (std::sin(0.25 * i + 0.1 * k) +
-                                                              std::sin(0.2 * j - 0.15 * i) +
-                                                              std::sin(0.22 * k + 0.1 * j)));
-    return ct;
-  }
-
-  Registrable() {
-    for (int f = 0; f < us.beams.frames; ++f)
-      for (int l = 0; l < us.beams.lines; ++l)
-        for (int s = 0; s < us.beams.samples(); ++s) {
-          const Seen seen =
-              seen_at(us, s, l, f, ct, Eigen::Isometry3d::Identity(), GradientChannel::kMagnitude);
-          us.brightness[offset_of(us.beams, s, l, f)] +=
-              static_cast<float>(seen.ct_hu + seen.gradient);
-        }
-    options.patches = cubes(4.0);
-  }
+  RegistrableByLc2() { options.patches = cubes(4.0); }
 };
 
-/// The pose after a small motion of the ultrasound, in the order of SimilarityDerivatives.
-SimilarityPose changed(const SimilarityPose& pose, const SimilarityDerivatives::Vector& change) {
-  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-  const Vector3d turn = change.head<3>();
-  if (turn.norm() > 0.0)
-    motion.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
-  motion.translation() = change.tail<3>();
-  return {pose.T_ct_us * motion, pose.errors};
-}
-
-/// Changes that move the field by about a millimetre.
-SimilarityDerivatives::Vector unit_changes() {
-  SimilarityDerivatives::Vector units;
-  units << 0.1, 0.1, 0.1, 1.0, 1.0, 1.0;
-  return units;
-}
-
-/// Compares the gradient with differences of the value over steps of a voxel's size, since the
-/// value has a small step wherever a sample goes from cell to cell. The tolerance is for what a
-/// rotation does within a patch.
-void expect_slopes(const Similarity& similarity, const SimilarityPose& pose) {
-  const auto derivatives = similarity.derivatives(pose, DerivativeOrder::kCurvature);
-  ASSERT_TRUE(derivatives);
-  EXPECT_EQ(derivatives->value.value, similarity.evaluate(pose).value);
-  const SimilarityDerivatives::Vector units = unit_changes();
-  const SimilarityDerivatives::Vector gradient = derivatives->gradient.cwiseProduct(units);
-  for (int i = 0; i < 6; ++i) {
-    constexpr double kStep = 0.4;
-    SimilarityDerivatives::Vector step = SimilarityDerivatives::Vector::Zero();
-    step[i] = kStep * units[i];
-    const double slope = (similarity.evaluate(changed(pose, step)).value -
-                          similarity.evaluate(changed(pose, -step)).value) /
-                         (2.0 * kStep);
-    EXPECT_NEAR(gradient[i], slope, 0.2 * gradient.norm()) << i;
-  }
-  const auto alone = similarity.derivatives(pose, DerivativeOrder::kGradient);
-  EXPECT_EQ(alone->gradient, derivatives->gradient);
-  EXPECT_TRUE(alone->curvature.isZero(0.0));
-}
-
-SimilarityPose near_pose(const AcquisitionErrors& errors) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = Eigen::AngleAxisd(0.05, Vector3d(1, -2, 1).normalized()).toRotationMatrix();
-  T.translation() = Vector3d(0.8, -0.7, 0.9);
-  return {T, errors};
-}
-
 TEST(LocalLc2Derivatives, AreTheSlopesOfTheValue) {
-  const Registrable scene;
+  const RegistrableByLc2 scene;
   for (const AcquisitionErrors& errors : {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03}})
     expect_slopes(*similarity_of(scene.us, scene.ct, scene.options), near_pose(errors));
 }
 
 TEST(LocalLc2Derivatives, FollowWeightsPowerAndLongPatches) {
-  Registrable scene;
+  RegistrableByLc2 scene;
   scene.options.power = 2.0;
   scene.options.pressed_mm = 30.0;
   scene.options.weighting = PatchWeighting::kVariance;
@@ -389,7 +318,7 @@ TEST(LocalLc2Derivatives, FollowWeightsPowerAndLongPatches) {
 }
 
 TEST(LocalLc2Derivatives, OfMirroredUltrasoundAreTheSlopesOfItsValue) {
-  const Registrable scene;
+  const RegistrableByLc2 scene;
   const auto similarity = similarity_of(scene.us, scene.ct, scene.options);
   Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
   mirror.linear() = Vector3d(1.0, 1.0, -1.0).asDiagonal();
@@ -401,7 +330,7 @@ TEST(LocalLc2Derivatives, OfMirroredUltrasoundAreTheSlopesOfItsValue) {
 }
 
 TEST(LocalLc2Derivatives, AreTheReferenceToRounding) {
-  const Registrable scene;
+  const RegistrableByLc2 scene;
   const auto by = [&](const SimilarityBackend& backend) {
     return *similarity_of(scene.us, scene.ct, scene.options, backend)
                 ->derivatives(near_pose({}), DerivativeOrder::kCurvature);
@@ -412,7 +341,7 @@ TEST(LocalLc2Derivatives, AreTheReferenceToRounding) {
 }
 
 TEST(LocalLc2Derivatives, BelongToTheMagnitudeAlone) {
-  Registrable scene;
+  RegistrableByLc2 scene;
   EXPECT_TRUE(scene.options.needs().has_derivatives);
   scene.options.channel = GradientChannel::kAlongBeam;
   EXPECT_FALSE(scene.options.needs().has_derivatives);
@@ -421,7 +350,7 @@ TEST(LocalLc2Derivatives, BelongToTheMagnitudeAlone) {
 }
 
 TEST(LocalLc2Derivatives, HaveNoValueWithoutOverlap) {
-  const Registrable scene;
+  const RegistrableByLc2 scene;
   SimilarityPose far;
   far.T_ct_us.translation().x() = 500.0;
   const auto derivatives = similarity_of(scene.us, scene.ct, scene.options)
