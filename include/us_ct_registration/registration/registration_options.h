@@ -33,6 +33,9 @@ struct ClimbOptions {
 /// One level of the search. Its candidates are the starts or the optima of the level before; the
 /// best candidates are optimised, and the best distinct optima go to the next level.
 struct LevelOptions : ClimbOptions {
+  /// Of more candidates than these, this many are chosen by a quarter of the samples, and only they
+  /// are compared by all; >= optimised; unset: all candidates are.
+  std::optional<int> screened;
   /// Number of candidates that are optimised, best first; >= 1.
   int optimised = 1;
   /// Number of distinct optima that are handed to the next level; >= 1.

@@ -7,13 +7,15 @@
 
 namespace usct {
 
-/// The samples that count: all, or every other one along each line, across lines and across frames
-/// (a face-centred lattice), which takes half the time and averages less noise.
-enum class SampleSubset { kAll, kHalf };
+/// The samples that count: all; every other one along each line, across lines and across frames (a
+/// face-centred lattice), which takes half the time and averages less noise; or every fourth one
+/// along each line, staggered across lines and frames.
+enum class SampleSubset { kAll, kHalf, kQuarter };
 
 constexpr auto words_of(SampleSubset) {
-  return std::array<std::pair<SampleSubset, const char*>, 2>{
-      {{SampleSubset::kAll, "all"}, {SampleSubset::kHalf, "half"}}};
+  return std::array<std::pair<SampleSubset, const char*>, 3>{{{SampleSubset::kAll, "all"},
+                                                              {SampleSubset::kHalf, "half"},
+                                                              {SampleSubset::kQuarter, "quarter"}}};
 }
 
 /// Options for cutting ultrasound into patches. Metrics with one set of weights for all samples use

@@ -10,6 +10,8 @@ std::optional<AcquisitionErrors> acquisition_errors_at(const Eigen::Isometry3d& 
                                                        const PartOptions& how,
                                                        const FieldPoints& field, Run& run) {
   constexpr double kMostError = 0.15;
+  // In mm and per cent: an error that matters lies several per cent away, along a flat ridge.
+  constexpr double kStep = 4.0;
   const SimilarityNeeds needs = needs_of(similarity);
   if (!needs.patches) return std::nullopt;
   SimilarityImages with_beams(std::make_shared<const BeamUltrasound>(images.ultrasound()),
@@ -21,7 +23,9 @@ std::optional<AcquisitionErrors> acquisition_errors_at(const Eigen::Isometry3d& 
   evaluate(*stretched, found, run);
   const AcquisitionErrors limits{needs.follows_depth_error ? kMostError : 0.0,
                                  needs.follows_sweep_error ? kMostError : 0.0};
-  climb(*stretched, {how.optimizer, how.reach_mm, limits, 1}, field, found, run);
+  OptimizerOptions optimizer = how.optimizer;
+  optimizer.initial_step = kStep;
+  climb(*stretched, {optimizer, how.reach_mm, limits, 1}, field, found, run);
   return found.front().errors;
 }
 

@@ -1,6 +1,7 @@
 #include "registration/decoys.h"
 
 #include <algorithm>
+#include <deque>
 
 #include "us_ct_registration/geometry/angles.h"
 
@@ -78,13 +79,13 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
   for (const auto& [mirror, name] : words_of(Mirror{})) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
     const Isometry3d motion = mirror_of(mirror, beams, centre);
-    std::vector<MirroredSimilarity> mirrored;
-    mirrored.reserve(problem.similarities.size());
-    std::vector<const Similarity*> similarities;
-    for (const Similarity* similarity : problem.similarities) {
-      mirrored.emplace_back(*similarity, motion);
-      similarities.push_back(&mirrored.back());
-    }
+    std::deque<MirroredSimilarity> mirrored;  // does not move its elements
+    const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
+      return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, motion);
+    };
+    std::vector<LevelSimilarities> similarities;
+    for (const LevelSimilarities& level : problem.similarities)
+      similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
     // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
     const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
                               problem.field, problem.seed, T_us_ct_found};

@@ -21,20 +21,29 @@ constexpr std::size_t kLeastPoints = 100;
 /// Fewest voxels along each axis: a cell of the packed CT and one voxel more on either side.
 constexpr int kLeastVoxels = 4;
 
+/// `known` must be 1 at the samples that count, and 0 elsewhere.
 std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
-  const auto counting = static_cast<std::size_t>(std::count_if(
-      us.known.begin(), us.known.end(), [](std::uint8_t known) { return known != 0; }));
+  const auto counting = static_cast<std::size_t>(std::count(us.known.begin(), us.known.end(), 1));
   const std::size_t step = std::max<std::size_t>(1, counting / kPoints);
   std::vector<Vector3d> points;
-  std::size_t i = 0;
+  const auto samples = static_cast<std::size_t>(us.beams.samples());
   std::size_t to_skip = 0;  // counted down, since a remainder takes far longer
-  for (int f = 0; f < us.beams.frames; ++f)
-    for (int l = 0; l < us.beams.lines; ++l)
-      for (int s = 0; s < us.beams.samples(); ++s, ++i) {
-        if (us.known[i] == 0) continue;
-        if (to_skip == 0) points.push_back(us.beams.point(f, l, s));
-        to_skip = to_skip == 0 ? step - 1 : to_skip - 1;
-      }
+  for (std::size_t beam = 0; beam < us.beams.beams.size(); ++beam) {
+    const std::uint8_t* known = us.known.data() + beam * samples;
+    const auto of_beam = static_cast<std::size_t>(std::count(known, known + samples, 1));
+    if (of_beam <= to_skip) {
+      to_skip -= of_beam;
+      continue;
+    }
+    const Beam& from = us.beams.beams[beam];
+    for (std::size_t s = 0; s < samples; ++s) {
+      if (known[s] == 0) continue;
+      if (to_skip == 0)
+        points.push_back(from.origin_mm +
+                         us.beams.axial.depth_mm(static_cast<double>(s)) * from.direction);
+      to_skip = to_skip == 0 ? step - 1 : to_skip - 1;
+    }
+  }
   return points;
 }
 
@@ -64,12 +73,13 @@ bool needs_beams(const RegistrationOptions& options) {
                          along(refinement->similarity)));
 }
 
-std::shared_ptr<const BeamUltrasound> averaged(const std::shared_ptr<const BeamUltrasound>& us,
-                                               const std::optional<double>& spacing_mm) {
-  if (!spacing_mm) return us;
-  const Vector3i factors = factors_for_spacing(us->beams, *spacing_mm);
-  if (factors == Vector3i::Ones()) return us;
-  return std::make_shared<const BeamUltrasound>(decimate(*us, factors));
+/// Unset if the ultrasound has this spacing already.
+std::optional<BeamUltrasound> averaged(const BeamUltrasound& us,
+                                       const std::optional<double>& spacing_mm) {
+  if (!spacing_mm) return std::nullopt;
+  const Vector3i factors = factors_for_spacing(us.beams, *spacing_mm);
+  if (factors == Vector3i::Ones()) return std::nullopt;
+  return decimate(us, factors);
 }
 
 /// `packed` is null if the similarity uses the recorded CT.
@@ -78,8 +88,10 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
                                             const CtInReach& in_reach,
                                             std::shared_ptr<const PackedCt> packed,
                                             const RegistrationOptions& options) {
+  std::optional<BeamUltrasound> coarse = averaged(*prepared.us, level.spacing_mm);
   return std::make_shared<SimilarityImages>(
-      averaged(prepared.us, level.spacing_mm), std::move(packed),
+      coarse ? std::make_shared<const BeamUltrasound>(std::move(*coarse)) : prepared.us,
+      std::move(packed),
       needs_recorded_ct(level)
           ? std::make_shared<const CtVolume>(crop(in_reach.ct, in_reach.region))
           : nullptr,
@@ -89,7 +101,7 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
 /// A similarity on the images, or the reason why there is none.
 Outcome<Level> level_on(std::shared_ptr<SimilarityImages> images,
                         const SimilarityOptions& similarity) {
-  Level level{std::move(images), nullptr};
+  Level level{std::move(images), nullptr, nullptr};
   level.similarity = make_similarity(*level.images, similarity);
   if (!level.similarity)
     return Refusal{RegistrationStatus::kFailed,
@@ -143,19 +155,17 @@ bool same_images(const ClimbOptions& a, const ClimbOptions& b) {
 
 PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
                                       const RegistrationOptions& options, const Check& check) {
-  const std::optional<double>& spacing_mm = options.conditioning_spacing_mm;
-  const BeamUltrasound averaged =
-      decimate(ultrasound, spacing_mm ? factors_for_spacing(ultrasound.beams, *spacing_mm)
-                                      : Vector3i(Vector3i::Ones()));
-  ConditionedUltrasound conditioned = condition(averaged, options.conditioning, [&](double) {
+  const std::optional<BeamUltrasound> coarse =
+      averaged(ultrasound, options.conditioning_spacing_mm);
+  const BeamUltrasound& input = coarse ? *coarse : ultrasound;
+  ConditionedUltrasound conditioned = condition(input, options.conditioning, [&](double) {
     if (check) check();
   });
   auto us = std::make_shared<BeamUltrasound>();
-  us->beams = averaged.beams;
+  us->beams = input.beams;
   us->brightness = std::move(conditioned.samples);
-  us->known.resize(conditioned.reasons.size());
-  std::transform(conditioned.reasons.begin(), conditioned.reasons.end(), us->known.begin(),
-                 [](std::uint8_t reasons) { return reasons == 0 ? 1 : 0; });
+  us->known = std::move(conditioned.reasons);
+  for (std::uint8_t& known : us->known) known = known == 0 ? 1 : 0;
   FieldPoints field(counting_points(*us));
   return {std::move(us), std::move(field)};
 }
@@ -183,10 +193,10 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
   return {ct, region_around(ct.grid, points, margin_mm)};
 }
 
-std::vector<const Similarity*> ImagePyramid::similarities() const {
-  std::vector<const Similarity*> all;
+std::vector<LevelSimilarities> ImagePyramid::similarities() const {
+  std::vector<LevelSimilarities> all;
   all.reserve(levels.size());
-  for (const Level& level : levels) all.push_back(level.similarity.get());
+  for (const Level& level : levels) all.push_back({level.similarity.get(), level.screening.get()});
   return all;
 }
 
@@ -218,6 +228,9 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const PreparedCt
           level_on(images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options),
                    levels[i].similarity);
       if (!level) return level.refusal();
+      if (levels[i].screened)
+        level->screening = make_similarity(
+            *level->images, on_samples(levels[i].similarity, SampleSubset::kQuarter));
       pyramid.levels.push_back(std::move(*level));
     }
     return pyramid;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "registration/candidates.h"
+#include "registration/multi_start.h"
 #include "registration/outcome.h"
 #include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/similarity/similarity_images.h"
@@ -43,6 +44,8 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
 struct Level {
   std::shared_ptr<SimilarityImages> images;
   std::shared_ptr<const Similarity> similarity;
+  /// The same by a part of the samples, where the search screens with it; else null.
+  std::shared_ptr<const Similarity> screening;
 };
 
 struct ImagePyramid {
@@ -52,7 +55,7 @@ struct ImagePyramid {
   std::vector<Level> levels;
 
   const Similarity& deciding() const { return *levels.back().similarity; }
-  std::vector<const Similarity*> similarities() const;
+  std::vector<LevelSimilarities> similarities() const;
 };
 
 /// The first step of a registration. Refuses ultrasound without samples that count or vary, a CT

@@ -48,12 +48,25 @@ std::vector<Candidate> starts_of(const SearchProblem& problem, int round) {
   return candidates;
 }
 
+/// Keeps the best candidates by a part of the samples, if a level screens and there are more.
+void screen(const SearchProblem& problem, std::size_t at, std::size_t breadth,
+            std::vector<Candidate>& candidates, Run& run) {
+  const std::optional<int>& screened = problem.options.levels[at].screened;
+  const Similarity* similarity = problem.similarities[at].screening;
+  if (!screened || similarity == nullptr) return;
+  const std::size_t most = breadth * static_cast<std::size_t>(*screened);
+  if (candidates.size() <= most) return;
+  evaluate(*similarity, candidates, run);
+  sort_best_first(candidates, most);
+}
+
 /// The best distinct optima of one level that are reached from the candidates.
 std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at, int round,
                                    int optimised, std::vector<Candidate> candidates, Run& run) {
   const LevelOptions& level = problem.options.levels[at];
-  const Similarity& similarity = *problem.similarities[at];
+  const Similarity& similarity = *problem.similarities[at].all;
   const std::size_t breadth = breadth_of(problem, at, round);
+  screen(problem, at, breadth, candidates, run);
   evaluate(similarity, candidates, run);
   sort_best_first(candidates, breadth * static_cast<std::size_t>(optimised));
   const bool is_start = at == 0 && problem.T_us_ct_given.isApprox(problem.T_us_ct_initial, 0.0);
@@ -91,7 +104,7 @@ std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
 Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
                        double reach_mm, Run& run) {
   const LevelOptions& deciding = problem.options.levels.back();
-  const Similarity& similarity = *problem.similarities.back();
+  const Similarity& similarity = *problem.similarities.back().all;
   std::vector<Candidate> optimum{{T_us_ct, {}}};
   evaluate(similarity, optimum, run);
   climb(similarity, {deciding.optimizer, reach_mm, {}, problem.seed}, problem.field, optimum, run);

@@ -7,10 +7,16 @@
 /// The search: many starts around the initial pose, climbed coarse to fine.
 namespace usct::registration {
 
+/// The similarity of a level, and the same by a part of the samples: see LevelOptions::screened.
+struct LevelSimilarities {
+  const Similarity* all = nullptr;
+  const Similarity* screening = nullptr;  // null if all candidates are compared by all samples
+};
+
 /// The problem of a search. The objects that it refers to must outlive it.
 struct SearchProblem {
-  /// One similarity per level of the options, in their order.
-  std::vector<const Similarity*> similarities;
+  /// One entry per level of the options, in their order.
+  std::vector<LevelSimilarities> similarities;
   const SearchOptions& options;
   const Eigen::Isometry3d& T_us_ct_initial;
   const FieldPoints& field;

@@ -8,9 +8,9 @@
 namespace usct {
 namespace {
 
-OptimizerOptions bobyqa(double initial_step, double step_tolerance) {
+OptimizerOptions climb_by(OptimizerMethod method, double initial_step, double step_tolerance) {
   OptimizerOptions optimizer;
-  optimizer.method = OptimizerMethod::kBobyqa;
+  optimizer.method = method;
   optimizer.max_evaluations = 300;
   optimizer.initial_step = initial_step;
   optimizer.step_tolerance = step_tolerance;
@@ -32,13 +32,15 @@ std::vector<LevelOptions> patient_levels() {
   metric.patches = patches(16.0, 22.0);
   coarse.spacing_mm = 4.0;
   coarse.similarity = metric;
-  coarse.optimizer = bobyqa(4.0, 0.2);
-  coarse.optimised = 12;
+  coarse.optimizer = climb_by(OptimizerMethod::kGaussNewton, 4.0, 0.2);
+  coarse.screened = 64;
+  coarse.optimised = 24;
   coarse.kept = 4;
   LevelOptions deciding;
   metric.patches = patches(8.0, 11.0);
   deciding.similarity = metric;
-  deciding.optimizer = bobyqa(2.0, 0.1);
+  deciding.optimizer = climb_by(OptimizerMethod::kGaussNewton, 2.0, 0.1);
+  deciding.screened = 64;
   deciding.optimised = 4;
   deciding.kept = 5;
   return {coarse, deciding};
@@ -48,11 +50,12 @@ std::vector<LevelOptions> patient_levels() {
 RefinementOptions patient_refinement() {
   LocalLc2Options metric;
   metric.patches = patches(4.0, 5.6);
+  metric.patches.samples = SampleSubset::kHalf;
   metric.pressed_mm = 40.0;
   RefinementOptions refinement;
   refinement.spacing_mm = 1.0;
   refinement.similarity = metric;
-  refinement.optimizer = bobyqa(1.0, 0.05);
+  refinement.optimizer = climb_by(OptimizerMethod::kGaussNewton, 1.0, 0.05);
   return refinement;
 }
 
@@ -75,7 +78,8 @@ void require_derivatives(const OptimizerOptions& optimizer, const SimilarityOpti
   if (optimizer.method == OptimizerMethod::kGaussNewton && !needs_of(similarity).has_derivatives)
     throw InputError(source, "'" + field +
                                  "' is 'gauss_newton', must be another: the similarity has no "
-                                 "derivatives (local_lc2 has, with the channel magnitude)");
+                                 "derivatives (joint_correlation_ratio has, and local_lc2 with "
+                                 "the channel magnitude)");
 }
 
 }  // namespace
@@ -87,7 +91,7 @@ RegistrationOptions::RegistrationOptions() {
   refinement = patient_refinement();
   confidence.similarity = patient_evidence(false);
   confidence.ridge_similarity = patient_evidence(true);
-  confidence.parts.optimizer = bobyqa(1.0, 0.2);
+  confidence.parts.optimizer = climb_by(OptimizerMethod::kBobyqa, 1.0, 0.2);
 }
 
 void ClimbOptions::validate(const std::string& source) const {
@@ -104,6 +108,7 @@ void LevelOptions::validate(const std::string& source) const {
   ClimbOptions::validate(source);
   require(optimised >= 1, source, "optimised", optimised, ">= 1");
   require(kept >= 1, source, "kept", kept, ">= 1");
+  if (screened) require(*screened >= optimised, source, "screened", *screened, ">= optimised");
 }
 
 void RoundOptions::validate(const std::string& source) const {

@@ -15,7 +15,7 @@ Decoy follow_decoy(const Decoy& before, const Isometry3d& T_now_before, const Is
                    const SearchProblem& problem, const BeamGrid& beams, const LevelOptions& level,
                    double reach_mm, Run& run) {
   const Isometry3d T_mirror = mirror_of(before.mirror, beams, problem.field.centre_us_mm());
-  const MirroredSimilarity similarity(*problem.similarities.back(), T_mirror);
+  const MirroredSimilarity similarity(*problem.similarities.back().all, T_mirror);
   // The mirrored ultrasound stays where it was in the CT, whatever the field is mirrored about.
   const Isometry3d T_ct_us =
       before.best.T_us_ct.inverse() * before.T_mirror * T_now_before.inverse() * T_mirror.inverse();
@@ -43,7 +43,7 @@ Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
 std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
                                const BeamGrid& beams, const ConfidenceOptions& confidence,
                                Run& run) {
-  const Similarity& similarity = *problem.similarities.back();
+  const Similarity& similarity = *problem.similarities.back().all;
   const Isometry3d T_now_before = problem.T_us_ct_initial * trail.T_us_ct.inverse();
   const double reach_mm = confidence.rival_mm;
   std::vector<Candidate> optima{{problem.T_us_ct_initial, {}}};

@@ -41,13 +41,26 @@ Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
           steps(options.elevation_mm, frame_mm, beams.frames)};
 }
 
+/// Step between the samples of a line that count.
+int step_of(SampleSubset samples) {
+  switch (samples) {
+    case SampleSubset::kAll:
+      return 1;
+    case SampleSubset::kHalf:
+      return 2;
+    case SampleSubset::kQuarter:
+      return 4;
+  }
+  return 1;
+}
+
 class Cutter {
  public:
   Cutter(const BeamUltrasound& ultrasound, const PatchOptions& options, PatchContents contents)
       : us_(ultrasound),
         with_beams_(contents == PatchContents::kWithBeams),
         size_(patch_size(ultrasound.beams, options)),
-        step_(options.samples == SampleSubset::kHalf ? 2 : 1),
+        step_(step_of(options.samples)),
         least_share_(options.least_share) {}
 
   UltrasoundPatches run() {

@@ -65,7 +65,7 @@ inline void randomise(PatchOptions& o) {
   lateral_mm = finite_or_infinite(0.1, 50);
   elevation_mm = between(0.1, 50);
   share = between(0.01, 1);
-  samples = one_of({SampleSubset::kAll, SampleSubset::kHalf});
+  samples = one_of({SampleSubset::kAll, SampleSubset::kHalf, SampleSubset::kQuarter});
 }
 inline void randomise(SimulationOptions& o) {
   auto& [interpolation, outside, window, shift, floor, length, transmission, occlusion, compression,
@@ -181,9 +181,11 @@ inline void randomise(ClimbOptions& o) {
   reach = between(10, 100);
 }
 inline void randomise(LevelOptions& o) {
-  static_assert(sizeof(LevelOptions) == sizeof(ClimbOptions) + 2 * sizeof(int));
+  static_assert(sizeof(LevelOptions) == sizeof(ClimbOptions) + 4 * sizeof(int));
   randomise(static_cast<ClimbOptions&>(o));
   o.optimised = any_int(1, 100);
+  o.screened.reset();
+  if (any_bool()) o.screened = any_int(o.optimised, 200);
   o.kept = any_int(1, o.optimised + 1);
 }
 inline void randomise(RoundOptions& o) {

@@ -77,7 +77,7 @@ TEST(RegistrationOptionsIo, TheListNamesWholePaths) {
   const auto list = registration_options_text(preset("patient"));
   EXPECT_EQ(list.at("search.starts.rotation_deg").substr(0, 2), "25");
   EXPECT_EQ(list.at("search.levels[1].similarity.kind"), "joint_correlation_ratio");
-  EXPECT_EQ(list.at("refinement.optimizer.method"), "bobyqa");
+  EXPECT_EQ(list.at("refinement.optimizer.method"), "gauss_newton");
   EXPECT_EQ(registration_options_text(preset("thesis_b")).at("refinement"), "none");
   EXPECT_EQ(list.at("conditioning.depth.automatic"), "true");
 }
@@ -159,10 +159,12 @@ TEST(Presets, AnotherMetricNeedsAllOfItsKeys) {
   NccOptions ncc;
   ncc.patches = {1, 2, 3, 0.5, SampleSubset::kAll};
   expected.search.levels[0].similarity = ncc;
+  expected.search.levels[0].optimizer.method = OptimizerMethod::kBobyqa;
   const std::string patches =
       "patches: {depth_mm: 1, lateral_mm: 2, elevation_mm: 3, least_share: 0.5";
   const auto with = [](const std::string& similarity) {
-    return "preset: patient\nsearch: {levels: {0: {similarity: {" + similarity + "}}}}\n";
+    return "preset: patient\nsearch: {levels: {0: {similarity: {" + similarity +
+           "}, optimizer: {method: bobyqa}}}}\n";
   };
   EXPECT_TRUE(same(parse(with("kind: ncc, " + patches + ", samples: all}")), expected));
   expect_refused(with("kind: ncc"), {"'search.levels[0].similarity.patches' is missing"});
@@ -235,12 +237,14 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
   expect_refused(level("optimizer: {method: newton}"),
                  {"'search.levels[1].optimizer.method' is 'newton'", "bobyqa"});
   for (const std::string& text :
-       {level("optimizer: {method: gauss_newton}"),
+       {level("similarity: {kind: ncc, patches: {depth_mm: 9, lateral_mm: 9, elevation_mm: 9, "
+              "least_share: 0.5, samples: all}}"),
         std::string("preset: patient\nrefinement: {similarity: {channel: along_beam}, "
                     "optimizer: {method: gauss_newton}}\n"),
         std::string("preset: patient\nconfidence: {ridge_similarity: {channel: along_beam}, "
                     "parts: {optimizer: {method: gauss_newton}}}\n")})
     expect_refused(text, {"optimizer.method' is 'gauss_newton'", "no derivatives"});
+  expect_refused(level("screened: 3"), {"'search.levels[1].screened' is 3", "optimised"});
   for (const char* seed : {"-1", "4294967296", "0.5", "x"})
     expect_refused("preset: patient\nseed: " + std::string(seed) + "\n", {"'seed'", seed});
   expect_refused("preset: patient\nsearch: {levels: 3}\n", {"'search.levels' must be a list"});

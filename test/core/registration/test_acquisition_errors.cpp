@@ -42,7 +42,7 @@ TEST(AcquisitionErrorsOfARegistration, AWrongMotorStepIsNamedWithoutBeingAskedFo
   EXPECT_EQ(if_recorded(1.0, "").message, "all gates passed");
   const RegistrationResult wide = if_recorded(1.2, "");
   EXPECT_NE(wide.message.find("closer together: check the motor's step"), std::string::npos)
-      << wide.message;
+      << wide.message << *wide.measures.sweep_error;
   const RegistrationResult narrow = if_recorded(1.0 / 1.2, "");
   EXPECT_NE(narrow.message.find("farther apart: check the motor's step"), std::string::npos)
       << narrow.message;

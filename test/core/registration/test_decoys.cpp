@@ -126,8 +126,9 @@ class Searched {
   /// The decoys of a symmetric sweep around the middle of the field.
   std::vector<Decoy> decoys(const Similarity& similarity, const Isometry3d& T_us_ct_found,
                             int rounds = 1) {
-    return registration::search_decoys({{&similarity, &similarity}, options_, initial_, field_, 1},
-                                       T_us_ct_found, beams(), {}, rounds, run_);
+    return registration::search_decoys(
+        {{{&similarity, nullptr}, {&similarity, nullptr}}, options_, initial_, field_, 1},
+        T_us_ct_found, beams(), {}, rounds, run_);
   }
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);

@@ -43,7 +43,8 @@ class MultiStarted {
       : field_(cube_field()), peaks_(field_, std::move(peaks)), options_(std::move(options)) {}
 
   SearchProblem problem() const {
-    return {{options_.levels.size(), &peaks_}, options_, initial_, field_, 1};
+    const registration::LevelSimilarities level{&peaks_, screening_};
+    return {std::vector(options_.levels.size(), level), options_, initial_, field_, 1};
   }
   std::vector<Candidate> round(int round, std::vector<Candidate> found = {}) {
     return registration::multi_start(problem(), round, std::move(found), run_);
@@ -55,10 +56,13 @@ class MultiStarted {
     return field_.distance_mm(candidate.T_us_ct, T_us_ct);
   }
   int evaluations() const { return run_.evaluations(); }
+  /// From now on, this similarity screens.
+  void screen_by(const Similarity& screening) { screening_ = &screening; }
 
  private:
   FieldPoints field_;
   PeaksSimilarity peaks_;
+  const Similarity* screening_ = nullptr;
   SearchOptions options_;
   Isometry3d initial_ = Isometry3d::Identity();
   RegistrationHooks hooks_;
@@ -143,6 +147,51 @@ TEST(MultiStart, ANearRoundFindsANarrowPeakThatTheFirstRoundMisses) {
   EXPECT_TRUE(finds(0.4));
 }
 
+/// Counts the poses that it is asked for.
+class Counting final : public Similarity {
+ public:
+  explicit Counting(const Similarity& similarity) : similarity_(similarity) {}
+  using Similarity::evaluate;
+  void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                const Check& check) const override {
+    counted += count;
+    similarity_.evaluate(poses, count, values, check);
+  }
+  mutable std::size_t counted = 0;
+
+ private:
+  const Similarity& similarity_;
+};
+
+TEST(MultiStart, ScreeningChoosesTheStartsThatAreCompared) {
+  SearchOptions options = two_levels();
+  options.starts->count = 1024;
+  options.levels.resize(1);  // a second level would climb from the initial pose, whatever its rank
+  options.levels[0].screened = options.levels[0].optimised = 8;
+  options.levels[0].reach_mm = 10.0;
+  const FieldPoints field = cube_field();
+  const PeaksSimilarity low(field, {{kLow, 1.0, 20.0}});
+  const Counting screening(low);
+  MultiStarted searched({{kLow, 0.8, 8.0}, {kHigh, 1.0, 8.0}}, options);
+  EXPECT_LT(searched.distance_mm(searched.round(0).front(), kHigh), 0.2);
+  // A screening that sees the lower peak alone leaves no start near the other one.
+  searched.screen_by(screening);
+  for (const Candidate& optimum : searched.round(0))
+    EXPECT_GT(searched.distance_mm(optimum, kHigh), 5.0);
+  EXPECT_EQ(screening.counted, 1024U);
+}
+
+TEST(MultiStart, FewCandidatesAreNotScreened) {
+  SearchOptions options = two_levels();
+  options.levels[0].screened = options.starts->count;
+  const NoSimilarity nothing;
+  const Counting screening(nothing);
+  MultiStarted searched({{kHigh, 1.0, 6.0}}, options);
+  searched.screen_by(screening);
+  EXPECT_LT(searched.distance_mm(searched.round(0).front(), kHigh), 0.2);
+  EXPECT_EQ(screening.counted, 0U);
+}
+
 TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
   const FieldPoints field = cube_field();
   const NoSimilarity nothing;
@@ -151,7 +200,8 @@ TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
   const RegistrationHooks hooks;
   registration::Run run(hooks);
   EXPECT_TRUE(
-      registration::multi_start({{&nothing, &nothing}, options, initial, field, 1}, 0, {}, run)
+      registration::multi_start(
+          {{{&nothing, nullptr}, {&nothing, nullptr}}, options, initial, field, 1}, 0, {}, run)
           .empty());
 }
 

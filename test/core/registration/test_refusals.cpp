@@ -213,6 +213,7 @@ TEST(Refusals, InvalidOptions) {
   expect_error(
       [](RegistrationOptions& o) {
         o.refinement->similarity = SimulatedLc2Options{};
+        o.refinement->optimizer.method = OptimizerMethod::kBobyqa;
         o.refinement->sweep_error = 0.01;
       },
       {"refinement", "'sweep_error' is 0.01", "simulated_lc2 cannot follow it"});

@@ -224,6 +224,31 @@ TEST(UltrasoundPatches, HalfOfTheSamplesAreEveryOtherOneWhateverThePatches) {
   }
 }
 
+/// Neighbouring lines and frames have their samples at other depths, so that every plane of the
+/// field is seen.
+TEST(UltrasoundPatches, AQuarterOfTheSamplesIsEveryFourthOneOfALineStaggered) {
+  const BeamUltrasound us = noisy_ultrasound(downward_beams(16, 8, 8));
+  for (const double edge : {16.0, 4.0}) {
+    PatchOptions options = cubes(edge);
+    options.samples = SampleSubset::kQuarter;
+    const auto quarter = counting(us, options);
+    EXPECT_EQ(quarter.size(), 256U);
+    for (int beam = 0; beam < 64; ++beam)
+      for (int first = 0; first < 16; first += 4) {
+        int here = 0;
+        for (int s = first; s < first + 4; ++s)
+          here += static_cast<int>(quarter.count({s, beam % 8, beam / 8}));
+        EXPECT_EQ(here, 1) << "line " << beam % 8 << ", frame " << beam / 8;
+      }
+    for (int s = 0; s < 16; ++s) {
+      int in_plane = 0;
+      for (int beam = 0; beam < 64; ++beam)
+        in_plane += static_cast<int>(quarter.count({s, beam % 8, beam / 8}));
+      EXPECT_EQ(in_plane, 16) << "sample " << s;
+    }
+  }
+}
+
 TEST(UltrasoundPatches, LeastShareIsOfTheSamplesThatCount) {
   BeamUltrasound us = noisy_ultrasound(downward_beams(8, 8, 8));
   us.known.assign(us.brightness.size(), 0);

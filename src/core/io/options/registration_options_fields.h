@@ -173,6 +173,7 @@ void describe(Fields& fields, ClimbOptions& o) {
 template <typename Fields>
 void describe(Fields& fields, LevelOptions& o) {
   describe(fields, static_cast<ClimbOptions&>(o));
+  fields("screened", o.screened);
   fields("optimised", o.optimised);
   fields("kept", o.kept);
 }
