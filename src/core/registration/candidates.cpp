@@ -105,7 +105,7 @@ void climb(const Similarity& similarity, const Climb& how, const FieldPoints& fi
   optimizer.seed = how.seed;
   const OptimizerResult result = optimize(problem, optimizer);
   run.count_evaluations(static_cast<std::size_t>(result.evaluations));
-  if (!result.best) return;
+  if (!result.best) return set_value(candidate, {});
   candidate = parameters.candidate(*result.best);
   set_value(candidate, best);
 }

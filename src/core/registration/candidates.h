@@ -51,8 +51,9 @@ struct Climb {
   std::uint32_t seed;
 };
 
-/// Moves each candidate that has a value to a nearby optimum, in parallel over the candidates. For
-/// a single candidate the similarity uses the threads instead.
+/// Moves each candidate that has a value to a nearby optimum, in parallel over the candidates. One
+/// from which the optimizer cannot start has no value then. For a single candidate the similarity
+/// uses the threads instead.
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run);
 

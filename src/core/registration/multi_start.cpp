@@ -60,15 +60,19 @@ void screen(const SearchProblem& problem, std::size_t at, std::size_t breadth,
   sort_best_first(candidates, most);
 }
 
-/// The best distinct optima of one level that are reached from the candidates.
+/// The best distinct optima of one level that are reached from the candidates. A choice among them
+/// compares them first; those that a level before has chosen are climbed from as they are.
 std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at, int round,
                                    int optimised, std::vector<Candidate> candidates, Run& run) {
   const LevelOptions& level = problem.options.levels[at];
   const Similarity& similarity = *problem.similarities[at].all;
   const std::size_t breadth = breadth_of(problem, at, round);
-  screen(problem, at, breadth, candidates, run);
-  evaluate(similarity, candidates, run);
-  sort_best_first(candidates, breadth * static_cast<std::size_t>(optimised));
+  const std::size_t most = breadth * static_cast<std::size_t>(optimised);
+  if (candidates.size() > most || !candidates.front().has_value()) {
+    screen(problem, at, breadth, candidates, run);
+    evaluate(similarity, candidates, run);
+    sort_best_first(candidates, most);
+  }
   const bool is_start = at == 0 && problem.T_us_ct_given.isApprox(problem.T_us_ct_initial, 0.0);
   if (round == 0 && !is_start) {
     std::vector<Candidate> given{{problem.T_us_ct_given, {}}};

@@ -25,14 +25,15 @@ PatchOptions patches(double depth_mm, double across_mm) {
 }
 
 /// The search: one function of CT value and gradient explains the ultrasound everywhere, on 4 mm
-/// from many starts, then on 2 mm.
+/// by half of the samples from many starts, then on 2 mm.
 std::vector<LevelOptions> patient_levels() {
   JointCorrelationRatioOptions metric;
   LevelOptions coarse;
   metric.patches = patches(16.0, 22.0);
+  metric.patches.samples = SampleSubset::kHalf;
   coarse.spacing_mm = 4.0;
   coarse.similarity = metric;
-  coarse.optimizer = climb_by(OptimizerMethod::kGaussNewton, 4.0, 0.2);
+  coarse.optimizer = climb_by(OptimizerMethod::kGaussNewton, 4.0, 0.5);
   coarse.screened = 64;
   coarse.optimised = 24;
   coarse.kept = 4;

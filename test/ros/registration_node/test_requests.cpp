@@ -264,7 +264,7 @@ TEST(Registration, GoalRegistersWithProgress) {
 void start_long_goal(RegistrationClient& client) {
   msg::RegisterGoal goal;
   goal.preset = "phantom";
-  goal.options = "search: {starts: {count: 65536}, levels: {0: {optimised: 4096}}}";
+  goal.options = "search: {starts: {count: 65536}, levels: {0: {screened: 8192, optimised: 8192}}}";
   // Feedback goes on after this function has returned, and the callback owns what it writes to.
   const auto registering = std::make_shared<std::atomic<bool>>(false);
   ASSERT_TRUE(client.action.waitForServer(kLimit));
