@@ -1,25 +1,18 @@
 #pragma once
 
-#include <array>
 #include <map>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 /// Confidence in a registration: the evidence for its pose, what it says together, and the limits
 /// that it must keep. A new measure is a member of Measures and a row of the table in gates.cpp.
 namespace usct {
 
-/// How ultrasound can be mirrored: its lines, its frames, or both in reverse order. Both together
-/// are a half turn of the probe about its beams.
-enum class Mirror { kLines, kFrames, kHalfTurn };
-
-constexpr auto words_of(Mirror) {
-  return std::array<std::pair<Mirror, const char*>, 3>{{{Mirror::kLines, "lines reversed"},
-                                                        {Mirror::kFrames, "frames reversed"},
-                                                        {Mirror::kHalfTurn, "half turn"}}};
-}
+/// How a case can be mirrored. Of the ultrasound the lines, the frames or both may be in reverse
+/// order; both together are a half turn of the probe about its beams. Of the CT two of the three
+/// axes of its grid may be exchanged.
+enum class Mirror { kLines, kFrames, kHalfTurn, kCtAxes12, kCtAxes13, kCtAxes23 };
 
 /// Measures of a registration; a measure that was not taken is absent.
 struct Measures {
@@ -30,7 +23,8 @@ struct Measures {
   /// Distance by which the refinement moved the best optimum of the search, mm (mean displacement
   /// of the field of view).
   std::optional<double> disagreement_mm;
-  /// Similarity of the best optimum over that of the best mirrored ultrasound (see Mirror).
+  /// Similarity of the best optimum over that of the best mirrored ultrasound (see Mirror); over
+  /// that of a CT with exchanged axes, if that fits better than the optimum.
   std::optional<double> mirror_ratio;
   /// Student's t of the same comparison, patch by patch: the least of all mirrored ultrasound.
   std::optional<double> mirror_advantage;

@@ -28,6 +28,15 @@ double times(const Candidate& best, double other) {
   return other > 0.0 ? std::clamp(best.value / other, 0.0, kMost) : kMost;
 }
 
+/// A pose that is this much less probably wrong than the limit allows is accepted without a search
+/// for exchanged axes, which takes as long as that for mirrored ultrasound.
+constexpr double kBeyondDoubt = 0.1;
+
+void set_wrong_probability(Measures& measures) {
+  if (const std::optional<RightProbability> right = right_probability(measures))
+    measures.wrong_probability = 1.0 - right->all();
+}
+
 /// The points in the middle of the field of view, where the kidney is.
 std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
   std::vector<Vector3d> near;
@@ -134,9 +143,8 @@ Outcome<Assessment> Assessor::assess(Assessment assessment, const std::vector<Ca
     if (refusal) return *refusal;
   } else if (gathers(EvidenceSource::kOwn)) {
     check_field({images_, problem_}, refined, assessment, run);
+    conclude({images_, problem_}, optima.front(), assessment, run);
   }
-  if (const std::optional<RightProbability> right = right_probability(measures))
-    measures.wrong_probability = 1.0 - right->all();
   return assessment;
 }
 
@@ -154,10 +162,39 @@ std::optional<Refusal> Assessor::compare_as_patient(const Candidate& refined,
   const SearchProblem problem{images->similarities(), patient.search, problem_.T_us_ct_initial,
                               images->prepared.field, options_.seed};
   const EvidenceImages on{*images, problem};
-  compare_with_others(on, optima_around(problem, refined, options_.confidence.rival_mm, run),
-                      assessment, run);
+  const std::vector<Candidate> optima =
+      optima_around(problem, refined, options_.confidence.rival_mm, run);
+  compare_with_others(on, optima, assessment, run);
   check_field(on, refined, assessment, run);
+  conclude(on, optima.front(), assessment, run);
   return std::nullopt;
+}
+
+void Assessor::conclude(const EvidenceImages& on, const Candidate& best, Assessment& assessment,
+                        Run& run) const {
+  set_wrong_probability(assessment.measures);
+  const std::optional<double>& wrong = assessment.measures.wrong_probability;
+  const double limit = *options_.confidence.gates.max_wrong_probability;
+  const bool in_doubt = wrong && *wrong <= limit && *wrong > kBeyondDoubt * limit;
+  if (!in_doubt || axes_are_known_) return;
+  compare_with_exchanged_axes(on, best, assessment, run);
+  set_wrong_probability(assessment.measures);
+}
+
+void Assessor::compare_with_exchanged_axes(const EvidenceImages& on, const Candidate& best,
+                                           Assessment& assessment, Run& run) const {
+  const PatchComparison patches(on.images, options_.confidence, best);
+  double highest = best.value;
+  for (const Decoy& decoy : search_exchanged_axes(on.problem, best.T_us_ct, ct_.grid.direction,
+                                                  options_.confidence.decoys, decoy_rounds_, run)) {
+    if (!(decoy.best.value > highest)) continue;
+    const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
+    if (!(advantage < 0.0)) continue;
+    highest = decoy.best.value;
+    assessment.best_mirror = decoy.mirror;
+    assessment.measures.mirror_ratio = times(best, highest);
+    assessment.measures.mirror_advantage = advantage;
+  }
 }
 
 void Assessor::compare_with_others(const EvidenceImages& on, const std::vector<Candidate>& optima,

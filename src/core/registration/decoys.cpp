@@ -17,18 +17,57 @@ bool reaches_half_turn(const SearchOptions& search) {
   return search.starts && search.starts->rotation_rad > 0.5 * kPi;
 }
 
+/// The motion of the field of view that applies a linear map about its centre.
+Isometry3d about(const Vector3d& centre_us_mm, const Matrix3d& linear) {
+  Isometry3d motion = Isometry3d::Identity();
+  motion.linear() = linear;
+  motion.translation() = centre_us_mm - linear * centre_us_mm;
+  return motion;
+}
+
+/// The best optimum of a search with mirrored ultrasound; without a value if there is none.
+Candidate best_of(const SearchProblem& problem, const SearchOptions& search,
+                  const Isometry3d& T_mirror, const Isometry3d& T_us_ct_found, int rounds,
+                  Run& run) {
+  std::deque<MirroredSimilarity> mirrored;  // does not move its elements
+  const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
+    return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, T_mirror);
+  };
+  std::vector<LevelSimilarities> similarities;
+  for (const LevelSimilarities& level : problem.similarities)
+    similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
+  // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
+  const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
+                            problem.field, problem.seed, T_us_ct_found};
+  std::vector<Candidate> optima;
+  for (int round = 0; round < rounds; ++round)
+    optima = multi_start(decoy, round, std::move(optima), run);
+  return optima.empty() ? Candidate{} : optima.front();
+}
+
+/// The decoys with the poses that were found for them; without those that have none.
+std::vector<Decoy> found(std::vector<Decoy> decoys, const SearchProblem& problem,
+                         const Isometry3d& T_us_ct_found, const DecoyOptions& options, int rounds,
+                         Run& run) {
+  const SearchOptions search = decoy_search(problem.options, options);
+  for (Decoy& decoy : decoys)
+    decoy.best = best_of(problem, search, decoy.T_mirror, T_us_ct_found, rounds, run);
+  decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
+                              [](const Decoy& decoy) { return !decoy.best.has_value(); }),
+               decoys.end());
+  return decoys;
+}
+
 }  // namespace
 
 SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
   SearchOptions decoy = search;
-  for (LevelOptions& level : decoy.levels) {
-    double& tolerance = level.optimizer.step_tolerance;
-    // An optimizer's tolerance must stay below its first step.
-    tolerance = std::max(tolerance, std::min(options.tolerance_factor * tolerance,
-                                             0.5 * level.optimizer.initial_step));
-  }
   LevelOptions& deciding = decoy.levels.back();
   deciding.optimised = std::min(deciding.optimised, options.optimised);
+  double& tolerance = deciding.optimizer.step_tolerance;
+  // An optimizer's tolerance must stay below its first step.
+  tolerance = std::max(tolerance, std::min(options.tolerance_factor * tolerance,
+                                           0.5 * deciding.optimizer.initial_step));
   return decoy;
 }
 
@@ -37,10 +76,15 @@ Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centr
   Matrix3d linear = Matrix3d::Identity();
   if (mirror != Mirror::kFrames) linear -= 2.0 * axes.lateral * axes.lateral.transpose();
   if (mirror != Mirror::kLines) linear -= 2.0 * axes.elevation * axes.elevation.transpose();
-  Isometry3d motion = Isometry3d::Identity();
-  motion.linear() = linear;
-  motion.translation() = centre_us_mm - linear * centre_us_mm;
-  return motion;
+  return about(centre_us_mm, linear);
+}
+
+Isometry3d exchange_of(Mirror mirror, const Matrix3d& axes, const Isometry3d& T_us_ct,
+                       const Vector3d& centre_us_mm) {
+  const int first = mirror == Mirror::kCtAxes23 ? 1 : 0;
+  const int second = mirror == Mirror::kCtAxes12 ? 1 : 2;
+  const Vector3d between = T_us_ct.linear() * (axes.col(first) - axes.col(second)).normalized();
+  return about(centre_us_mm, Matrix3d::Identity() - 2.0 * between * between.transpose());
 }
 
 void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count,
@@ -73,28 +117,25 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, int rounds, Run& run) {
-  const SearchOptions search = decoy_search(problem.options, options);
-  const Vector3d centre = problem.field.centre_us_mm();
   std::vector<Decoy> decoys;
-  for (const auto& [mirror, name] : words_of(Mirror{})) {
+  for (const Mirror mirror : {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn}) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
-    const Isometry3d motion = mirror_of(mirror, beams, centre);
-    std::deque<MirroredSimilarity> mirrored;  // does not move its elements
-    const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
-      return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, motion);
-    };
-    std::vector<LevelSimilarities> similarities;
-    for (const LevelSimilarities& level : problem.similarities)
-      similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
-    // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
-    const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
-                              problem.field, problem.seed, T_us_ct_found};
-    std::vector<Candidate> optima;
-    for (int round = 0; round < rounds; ++round)
-      optima = multi_start(decoy, round, std::move(optima), run);
-    if (!optima.empty()) decoys.push_back({mirror, motion, optima.front()});
+    decoys.push_back({mirror, mirror_of(mirror, beams, problem.field.centre_us_mm()), {}});
   }
-  return decoys;
+  return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
+}
+
+std::vector<Decoy> search_exchanged_axes(const SearchProblem& problem,
+                                         const Eigen::Isometry3d& T_us_ct_found,
+                                         const Matrix3d& axes, const DecoyOptions& options,
+                                         int rounds, Run& run) {
+  std::vector<Decoy> decoys;
+  for (const Mirror mirror : {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23})
+    decoys.push_back(
+        {mirror,
+         exchange_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
+         {}});
+  return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
 }
 
 }  // namespace usct::registration

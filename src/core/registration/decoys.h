@@ -9,7 +9,9 @@
 /// Decoys: the ultrasound mirrored, and searched for in the CT like the ultrasound itself. A
 /// mirrored field of view has the same brightness, noise and layers, but no right pose. The
 /// similarity that decoys reach is therefore what chance, and an anatomy that is nearly symmetric,
-/// can reach in this very case.
+/// can reach in this very case. A CT whose axes are exchanged is a mirror image too, but turned by
+/// a right angle, which the search does not reach; ultrasound that is mirrored in the same way
+/// does.
 namespace usct::registration {
 
 /// The motion of the field of view that makes a decoy, US frame, mm. It keeps the centre of the
@@ -17,6 +19,13 @@ namespace usct::registration {
 /// half turn about the beams.
 Eigen::Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams,
                             const Eigen::Vector3d& centre_us_mm);
+
+/// The same for two exchanged axes of the CT's grid, whose directions in the CT frame are the
+/// columns of `axes`: a reflection that brings ultrasound at T_us_ct to where it would be in the
+/// other CT.
+Eigen::Isometry3d exchange_of(Mirror mirror, const Eigen::Matrix3d& axes,
+                              const Eigen::Isometry3d& T_us_ct,
+                              const Eigen::Vector3d& centre_us_mm);
 
 /// The similarity of the mirrored ultrasound: that of the ultrasound at T_ct_us * mirror. The
 /// original must outlive it. Must not be used with a similarity that simulates beams, which accepts
@@ -51,8 +60,8 @@ struct Decoy {
   Candidate best;
 };
 
-/// The search of a decoy: as many starts, fewer climbs at the deciding level, and all climbs end
-/// sooner, since only the height of the best optimum counts.
+/// The search of a decoy: as many starts, but no more climbs at the deciding level than the options
+/// say, and these end sooner, since only the height of the best optimum counts.
 SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options);
 
 /// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
@@ -60,5 +69,11 @@ SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& opti
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, int rounds, Run& run);
+
+/// Searches in the same way for ultrasound that is mirrored as a CT with exchanged axes would be.
+std::vector<Decoy> search_exchanged_axes(const SearchProblem& problem,
+                                         const Eigen::Isometry3d& T_us_ct_found,
+                                         const Eigen::Matrix3d& axes, const DecoyOptions& options,
+                                         int rounds, Run& run);
 
 }  // namespace usct::registration

@@ -19,8 +19,18 @@ std::string mirrored_words(Mirror mirror) {
       return "its frames in reverse order";
     case Mirror::kHalfTurn:
       return "the probe turned by half a turn";
+    case Mirror::kCtAxes12:
+      return "the first and second axes of the CT exchanged";
+    case Mirror::kCtAxes13:
+      return "the first and third axes of the CT exchanged";
+    case Mirror::kCtAxes23:
+      return "the second and third axes of the CT exchanged";
   }
   return "";
+}
+
+bool is_of_ct(Mirror mirror) {
+  return mirror == Mirror::kCtAxes12 || mirror == Mirror::kCtAxes13 || mirror == Mirror::kCtAxes23;
 }
 
 /// Whether mirrored ultrasound is clearly better, which names the fault.
@@ -32,9 +42,11 @@ std::string mirror_words(const Assessment& assessment) {
   const std::string which = mirrored_words(*assessment.best_mirror);
   if (is_mirrored(m))
     return "the ultrasound fits the CT better with " + which + " (" +
-           number(1.0 / *m.mirror_ratio) +
-           " times the similarity): check which way round the probe was held, the order of lines "
-           "and frames in the file, and whether the CT is mirrored";
+           number(1.0 / *m.mirror_ratio) + " times the similarity): check " +
+           (is_of_ct(*assessment.best_mirror)
+                ? "the order and the directions of the axes in the CT's file"
+                : "which way round the probe was held, the order of lines and frames in the file, "
+                  "and whether the CT is mirrored");
   return "the ultrasound fits the CT almost as well with " + which + " (the found pose has " +
          number(*m.mirror_ratio) +
          " times that similarity): the anatomy in view is nearly symmetric, or the CT is not of "

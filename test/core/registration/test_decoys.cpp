@@ -36,6 +36,24 @@ RC_GTEST_PROP(MirrorOf, IsAnInvolutionThatKeepsTheCentre, ()) {
   }
 }
 
+/// Where the ultrasound at a pose lies in a CT with exchanged axes: two coordinates in the CT's
+/// grid change places, relative to the centre of the field.
+RC_GTEST_PROP(ExchangeOf, ExchangesCoordinatesInTheGrid, ()) {
+  const Eigen::Matrix3d axes = random_pose().linear();
+  const Isometry3d T_us_ct = random_pose();
+  const Vector3d centre = random_pose().translation();
+  const Isometry3d T_ct_us = T_us_ct.inverse();
+  const std::pair<int, int> pairs[] = {{0, 1}, {0, 2}, {1, 2}};
+  const Mirror mirrors[] = {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23};
+  for (int i = 0; i < 3; ++i) {
+    const Isometry3d motion = registration::exchange_of(mirrors[i], axes, T_us_ct, centre);
+    const Vector3d p = random_pose().translation();
+    Vector3d along = axes.transpose() * (T_ct_us * p - T_ct_us * centre);
+    std::swap(along[pairs[i].first], along[pairs[i].second]);
+    RC_ASSERT((T_ct_us * (motion * p) - (T_ct_us * centre + axes * along)).norm() < 1e-7);
+  }
+}
+
 /// The beams, and the middle of their field, in another US frame.
 struct Sweep {
   BeamGrid beams;
@@ -133,6 +151,11 @@ class Searched {
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);
   }
+  std::vector<Decoy> exchanged(const Isometry3d& T_us_ct_found, const Eigen::Matrix3d& axes) {
+    return registration::search_exchanged_axes(
+        {{{&peaks_, nullptr}, {&peaks_, nullptr}}, options_, initial_, field_, 1}, T_us_ct_found,
+        axes, {}, 1, run_);
+  }
   double distance_mm(const Isometry3d& T_a, const Isometry3d& T_b) const {
     return field_.distance_mm(T_a, T_b);
   }
@@ -166,6 +189,25 @@ TEST(SearchDecoys, EachFindsThePoseOfItsOwnMirror) {
       } else {
         EXPECT_LT(decoy.best.value, 0.5);
       }
+    }
+  }
+}
+
+TEST(SearchExchangedAxes, EachFindsThePoseOfItsOwnExchange) {
+  const Isometry3d right(Eigen::Translation3d(6.0, -5.0, 4.0));
+  const Isometry3d elsewhere(Eigen::Translation3d(-7.0, 3.0, 5.0));
+  const Eigen::Matrix3d axes =
+      Eigen::AngleAxisd(0.8, Vector3d(1, 2, -1).normalized()).toRotationMatrix();
+  for (const Mirror mirror : {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23}) {
+    const Isometry3d motion = registration::exchange_of(mirror, axes, Isometry3d::Identity(),
+                                                        cube_field().centre_us_mm());
+    Searched searched({{right, 1.0, 6.0}, {motion * elsewhere, 0.7, 6.0}});
+    const std::vector<Decoy> decoys = searched.exchanged(right, axes);
+    ASSERT_EQ(decoys.size(), 3U);
+    for (const Decoy& decoy : decoys) {
+      if (decoy.mirror != mirror) continue;
+      EXPECT_NEAR(decoy.best.value, 0.7, 0.02);
+      EXPECT_LT(searched.distance_mm(decoy.best.T_us_ct, elsewhere), 1.0);
     }
   }
 }

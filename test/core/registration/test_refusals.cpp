@@ -104,6 +104,37 @@ TEST(Refusals, MirroredUltrasoundIsNamed) {
   }
 }
 
+RegistrationOptions with_limit(double max_wrong_probability) {
+  RegistrationOptions options = preset("patient");
+  options.confidence.gates.max_wrong_probability = max_wrong_probability;
+  return options;
+}
+
+/// The second and third axes of a CT exchanged, the kidney in place. A limit that all other
+/// evidence passes leaves the decision to what the CT looks like with its axes in the right order.
+TEST(Refusals, ACtWithExchangedAxesIsNamed) {
+  RegistrationCase images = agar_case();
+  const Eigen::Vector3d kidney_ct_mm = images.T_us_ct_true.inverse() * middle_us_mm(images);
+  auto& grid = images.ct.grid;
+  const Eigen::Matrix3d before = grid.direction;
+  grid.direction.col(1).swap(grid.direction.col(2));
+  grid.origin_mm =
+      kidney_ct_mm + grid.direction * before.transpose() * (grid.origin_mm - kidney_ct_mm);
+  expect_refused(registered(images, nearby(images), with_limit(0.9999)),
+                 RegistrationStatus::kLowConfidence,
+                 "better with the second and third axes of the CT exchanged");
+}
+
+/// Below a tenth of the limit nothing is compared with exchanged axes. This limit is so low that
+/// the right pose is compared with them, and it is accepted.
+TEST(Refusals, ARightPoseIsBetterThanAnyWithExchangedAxes) {
+  constexpr double kLimit = 0.1;
+  const RegistrationResult result =
+      registered(agar_case(), nearby(agar_case()), with_limit(kLimit));
+  EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_GT(result.measures.wrong_probability.value_or(0.0), 0.1 * kLimit);
+}
+
 /// The CT of another case, its kidney where that of the right CT is.
 RegistrationCase with_ct_of(const RegistrationCase& other, RegistrationCase images) {
   const auto kidney_ct_mm = [](const RegistrationCase& its) -> Vector3d {

@@ -86,6 +86,10 @@ TEST(Verdict, AMirroredUltrasoundThatFitsBetterIsNamed) {
   expect_named(mirrored(Mirror::kFrames, 0.8, -2.0), {"better with its frames in reverse order"});
   expect_named(mirrored(Mirror::kHalfTurn, 0.8, -2.0),
                {"better with the probe turned by half a turn"});
+  expect_named(mirrored(Mirror::kCtAxes12, 0.8, -2.0),
+               {"better with the first and second axes of the CT exchanged", "CT's file"});
+  expect_named(mirrored(Mirror::kCtAxes13, 0.8, -2.0), {"the first and third axes of the CT"});
+  expect_named(mirrored(Mirror::kCtAxes23, 0.8, -2.0), {"the second and third axes of the CT"});
 }
 
 /// Without an advantage in most of the field the mirrored ultrasound is not said to be right.
