@@ -39,11 +39,13 @@ std::string evidence_text(const Measures& m) {
   return "evidence, and the probability that the pose is right as far as each kind can tell:\n" +
          line("comparison with mirrored ultrasound", right->mirrors,
               formatted(
-                  "the pose has %.2f times the similarity that the ultrasound reaches with lines "
-                  "or frames in reverse order (patch by patch: t = %.1f)",
+                  "the pose has %.2f times the similarity that its best mirror image reaches, "
+                  "with lines or frames in reverse order or axes of the CT exchanged (patch by "
+                  "patch: t = %.1f)",
                   *m.mirror_ratio, *m.mirror_advantage),
               "check which way round the probe was held, the order of lines and frames, and "
-              "whether the CT is mirrored; if the anatomy in view is symmetric, a larger field of "
+              "whether the CT is mirrored or its axes are exchanged; if the anatomy in view is "
+              "symmetric, a larger field of "
               "view helps") +
          line(
              "comparison with chance", right->chance,
