@@ -75,15 +75,16 @@ TEST_F(Refusal, SaysWhatEachKindOfEvidenceSaysAndWhatWouldHelp) {
   const Measures measures = read_result(path("result.json")).measures;
   ASSERT_TRUE(measures.wrong_probability && measures.mirror_ratio && measures.chance_ratio &&
               measures.parts_mm);
-  expect_lines(outcome.output,
-               {formatted("more than 5 mm off: %.3f\n", *measures.wrong_probability),
-                "comparison with mirrored ultrasound (",
-                formatted("the pose has %.2f times the similarity that the ultrasound reaches with",
-                          *measures.mirror_ratio),
-                "what would help: ", "comparison with chance (",
-                formatted("the pose has %.2f times the similarity that chance reaches",
-                          *measures.chance_ratio),
-                "agreement of parts (", formatted("move the pose by %.1f mm", *measures.parts_mm)});
+  expect_lines(
+      outcome.output,
+      {formatted("more than 5 mm off: %.3f\n", *measures.wrong_probability),
+       "comparison with mirrored ultrasound (",
+       formatted("the pose has %.2f times the similarity that its best mirror image reaches",
+                 *measures.mirror_ratio),
+       "what would help: ", "comparison with chance (",
+       formatted("the pose has %.2f times the similarity that chance reaches",
+                 *measures.chance_ratio),
+       "agreement of parts (", formatted("move the pose by %.1f mm", *measures.parts_mm)});
   EXPECT_EQ(outcome.output.find("expected error"), std::string::npos) << outcome.output;
   for (const char* picture : {"before_after.png", "fusion.png", "slices.png"})
     EXPECT_TRUE(std::filesystem::exists(path("pictures/") + picture)) << picture;
