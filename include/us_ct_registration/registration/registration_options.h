@@ -33,8 +33,9 @@ struct ClimbOptions {
 /// One level of the search. Its candidates are the starts or the optima of the level before; the
 /// best candidates are optimised, and the best distinct optima go to the next level.
 struct LevelOptions : ClimbOptions {
-  /// Of more candidates than these, this many are chosen by a quarter of the samples, and only they
-  /// are compared by all; >= optimised; unset: all candidates are.
+  /// Where a level has more candidates than this number, a quarter of the samples chooses this many
+  /// of them, and all samples compare only these; >= optimised. Unset: all samples compare all
+  /// candidates.
   std::optional<int> screened;
   /// Number of candidates that are optimised, best first; >= 1.
   int optimised = 1;

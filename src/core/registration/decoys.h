@@ -14,9 +14,9 @@
 /// does.
 namespace usct::registration {
 
-/// The motion of the field of view that makes a decoy, US frame, mm. It keeps the centre of the
-/// field. Reversed lines and reversed frames are reflections (determinant -1), both together are a
-/// half turn about the beams.
+/// The motion of the field of view that mirrors the ultrasound, US frame, mm. It keeps the centre
+/// of the field. Reversed lines and reversed frames are reflections (determinant -1), both together
+/// are a half turn about the beams.
 Eigen::Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams,
                             const Eigen::Vector3d& centre_us_mm);
 

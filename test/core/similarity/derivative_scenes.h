@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/similarity/patch_scenes.h"
+#include "registration/decoys.h"
 #include "us_ct_registration/similarity/similarity.h"
 
 /// Scenes for the derivatives of similarities, and their comparison with slopes of the value.
@@ -82,6 +83,17 @@ inline SimilarityPose near_pose(const AcquisitionErrors& errors) {
   T.linear() = Eigen::AngleAxisd(0.05, Eigen::Vector3d(1, -2, 1).normalized()).toRotationMatrix();
   T.translation() = Eigen::Vector3d(0.8, -0.7, 0.9);
   return {T, errors};
+}
+
+/// The same of the mirrored ultrasound, where that lies near the pose.
+inline void expect_slopes_of_mirrored(const Similarity& similarity) {
+  Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
+  mirror.linear() = Eigen::Vector3d(1.0, 1.0, -1.0).asDiagonal();
+  mirror.translation() = Eigen::Vector3d(2.0, -1.0, 3.0);
+  const registration::MirroredSimilarity mirrored(similarity, mirror);
+  SimilarityPose pose = near_pose({});
+  pose.T_ct_us = pose.T_ct_us * mirror.inverse();
+  expect_slopes(mirrored, pose);
 }
 
 }  // namespace usct::test

@@ -3,7 +3,6 @@
 
 #include "core/similarity/derivative_scenes.h"
 #include "core/similarity/instructions.h"
-#include "registration/decoys.h"
 #include "similarity/joint_derivatives.h"
 
 namespace usct::test {
@@ -170,13 +169,7 @@ TEST(JointCorrelationRatioDerivatives, AreTheSlopesOfTheValue) {
 TEST(JointCorrelationRatioDerivatives, OfMirroredUltrasoundAreTheSlopesOfItsValue) {
   const Registrable scene;
   const auto similarity = similarity_of(scene.us, scene.ct, joint_options());
-  Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
-  mirror.linear() = Eigen::Vector3d(1.0, 1.0, -1.0).asDiagonal();
-  mirror.translation() = Eigen::Vector3d(2.0, -1.0, 3.0);
-  const registration::MirroredSimilarity mirrored(*similarity, mirror);
-  SimilarityPose pose = near_pose({});
-  pose.T_ct_us = pose.T_ct_us * mirror.inverse();
-  expect_slopes(mirrored, pose);
+  expect_slopes_of_mirrored(*similarity);
 }
 
 TEST(JointCorrelationRatioDerivatives, AreTheReferenceToRounding) {

@@ -5,7 +5,6 @@
 
 #include "core/similarity/derivative_scenes.h"
 #include "core/similarity/instructions.h"
-#include "registration/decoys.h"
 #include "similarity/patch_derivatives.h"
 
 namespace usct::test {
@@ -320,13 +319,7 @@ TEST(LocalLc2Derivatives, FollowWeightsPowerAndLongPatches) {
 TEST(LocalLc2Derivatives, OfMirroredUltrasoundAreTheSlopesOfItsValue) {
   const RegistrableByLc2 scene;
   const auto similarity = similarity_of(scene.us, scene.ct, scene.options);
-  Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
-  mirror.linear() = Vector3d(1.0, 1.0, -1.0).asDiagonal();
-  mirror.translation() = Vector3d(2.0, -1.0, 3.0);
-  const registration::MirroredSimilarity mirrored(*similarity, mirror);
-  SimilarityPose pose = near_pose({});
-  pose.T_ct_us = pose.T_ct_us * mirror.inverse();
-  expect_slopes(mirrored, pose);
+  expect_slopes_of_mirrored(*similarity);
 }
 
 TEST(LocalLc2Derivatives, AreTheReferenceToRounding) {
