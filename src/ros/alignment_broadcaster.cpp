@@ -8,9 +8,19 @@
 namespace usct::ros_interface {
 namespace {
 
-/// Least distance of two stamps. Python's listeners keep stamps as double numbers of seconds, which
-/// are 0.24 us apart today; a second transform of a stamp is dropped.
-const ::ros::Duration kStep(0, 1000);
+/// The time as Python's listeners keep it, s.
+double as_python_has_it(const ::ros::Time& time) { return time.sec + time.nsec / 1e9; }
+
+/// The least stamp after another one. Python's listeners keep stamps as double numbers of seconds,
+/// which are 0.24 us apart today. A second transform of a stamp is dropped there, so that the two
+/// must not be the same number. They are neighbours: tf would interpolate between two stamps, and
+/// no look-up from Python can lie between these.
+::ros::Time next_after(const ::ros::Time& stamp) {
+  ::ros::Time next = stamp;
+  do next += ::ros::Duration(0, 1);
+  while (as_python_has_it(next) == as_python_has_it(stamp));
+  return next;
+}
 
 /// Whether two alignments are the same transform.
 bool same_transform(const std::optional<Alignment>& a, const std::optional<Alignment>& b) {
@@ -71,9 +81,9 @@ void AlignmentBroadcaster::broadcast(bool clock_stands) {
   last_now_ = now;
   if (!alignment_) return;
   std::vector<::ros::Time> stamps;
-  if (is_new_ && !last_stamp_.isZero()) stamps.push_back(last_stamp_ + kStep);
-  if (is_new_ && now > last_stamp_ + kStep) stamps.push_back(now);
-  const ::ros::Time earliest = (stamps.empty() ? last_stamp_ : stamps.back()) + kStep;
+  if (is_new_ && !last_stamp_.isZero()) stamps.push_back(next_after(last_stamp_));
+  if (is_new_ && now > next_after(last_stamp_)) stamps.push_back(now);
+  const ::ros::Time earliest = next_after(stamps.empty() ? last_stamp_ : stamps.back());
   const ::ros::Time regular = now + tolerance_;
   if (regular >= earliest || is_new_ || clock_stands) stamps.push_back(std::max(regular, earliest));
   std::vector<geometry_msgs::TransformStamped> transforms;

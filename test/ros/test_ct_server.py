@@ -250,7 +250,7 @@ class CtServer(unittest.TestCase):
         markers = Newest(self.namespace + "/ct/surface", MarkerArray).wait(lambda m: True, "the surface").markers
         self.assertEqual(len(markers), 2)
         self.assertGreater(len(markers[1].points), 100)
-        self.assertEqual(self.info.message.labels, [])
+        self.assertEqual(self.info.wait(lambda m: True, "what the CT is").labels, [])
 
     def test_parameters(self):
         process = self.start(path=self.root + "/ct.nrrd", labels=self.root + "/labels.nrrd")

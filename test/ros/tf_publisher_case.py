@@ -55,6 +55,10 @@ class Stamps:
     def take(self, message):
         self.stamps += [one.header.stamp.to_nsec() for one in message.transforms if one.child_frame_id == self.frame]
 
+    def seconds(self):
+        """The stamps as Python's listeners keep them: double numbers, as of genpy's to_sec."""
+        return [ns // 10**9 + ns % 10**9 / 1e9 for ns in self.stamps]
+
     def longest_gap_s(self):
         return max(b - a for a, b in zip(self.stamps, self.stamps[1:])) / 1e9
 
