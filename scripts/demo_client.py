@@ -3,6 +3,8 @@
 
   demo_client.py segment CASE            what a surgeon would have outlined in a phantom's CT: CASE/segmentation.nrrd
   demo_client.py ready                   waits until all nodes are up and the CT is there
+  demo_client.py go_on /PLAYER           lets rosbag play, started with --pause and __name:=PLAYER, go on once all who
+                                         listen are connected: what it plays before that reaches nobody
   demo_client.py acquired [SECONDS]      waits for an ultrasound volume, with a stamp after SECONDS
   demo_client.py initial INFO.json       tells the registration where to start; INFO: usct info --json
   demo_client.py found FOUND.tfm         writes the transform of the newest result
@@ -21,6 +23,7 @@ import sys
 import time
 
 import numpy
+import ros_graph
 import rospy
 import tf2_ros
 import yaml
@@ -222,11 +225,12 @@ def restored():
 
 
 def main():
-    tasks = {"segment": segment, "ready": ready, "acquired": acquired, "initial": initial, "found": found, "result": result,
-             "ct_in_tf": ct_in_tf, "no_ct_in_tf": no_ct_in_tf, "moved_away": moved_away, "restored": restored}
+    tasks = {"segment": segment, "ready": ready, "go_on": ros_graph.go_on, "acquired": acquired, "initial": initial,
+             "found": found, "result": result, "ct_in_tf": ct_in_tf, "no_ct_in_tf": no_ct_in_tf,
+             "moved_away": moved_away, "restored": restored}
     if len(sys.argv) < 2 or sys.argv[1] not in tasks:
         sys.exit(__doc__)
-    if sys.argv[1] != "segment":
+    if sys.argv[1] not in ("segment", "go_on"):
         rospy.init_node("demo_client", anonymous=True)
     tasks[sys.argv[1]](*sys.argv[2:])
 

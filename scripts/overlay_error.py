@@ -260,9 +260,7 @@ def play(options):
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: player.send_signal(number))
     try:
-        ros_graph.wait_until_connected(PLAYER, *options.listener)
-        subprocess.run(["rosservice", "call", "--wait", PLAYER + "/pause_playback", "false"], check=True,
-                       stdout=subprocess.DEVNULL)
+        ros_graph.go_on(PLAYER, *options.listener)
     except (TimeoutError, subprocess.CalledProcessError) as error:
         player.terminate()
         sys.exit(f"{options.bag}: {error}")

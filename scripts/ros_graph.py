@@ -3,6 +3,7 @@ after both have told the master; what was published before is lost."""
 import http.client
 import os
 import socket
+import subprocess
 import time
 import xmlrpc.client
 
@@ -72,3 +73,10 @@ def wait_until_connected(*nodes, limit_s=LIMIT_S):
         if time.monotonic() > end:
             raise TimeoutError(f"waited {limit_s:.0f} s for nodes {absent} and connections {sorted(missing)}")
         time.sleep(0.05)
+
+
+def go_on(player, *listeners):
+    """Lets rosbag play, started with --pause under this node's name, go on once it and all who listen are connected."""
+    wait_until_connected(player, *listeners)
+    subprocess.run(["rosservice", "call", "--wait", f"{player}/pause_playback", "false"], check=True,
+                   stdout=subprocess.DEVNULL)

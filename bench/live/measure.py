@@ -143,9 +143,6 @@ class Live(test_replay.System):
         self.start("nodes", "roslaunch", PACKAGE, "registration.launch", f"fixed_frame:={FIXED_FRAME}", "policy:=auto",
                    f"ct:={ct}", f"preset:={preset}", f"nodelet:={nodelet}", f"override:={override}")
 
-    def play(self, bag):
-        self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(bag))
-
     def processes(self):
         """Process numbers and names of all that uses this master, but for this process."""
         master = f"ROS_MASTER_URI={self.environment['ROS_MASTER_URI']}".encode()
@@ -169,7 +166,7 @@ class Live(test_replay.System):
             return "rosmaster"
         if "roslaunch" in " ".join(arguments):
             return "roslaunch"
-        return "rosbag play"
+        return "rosbag"
 
     def memory_mib(self):
         """MEMORY by process; processes of one name together."""
@@ -421,7 +418,7 @@ def measure_launch(live, watcher, phantom, bag, case, options):
     live.start_nodes(phantom.ct, case["preset"], case["nodelet"], case["trigger"] == CONTINUOUS)
     try:
         wait_until_ready(watcher, register)
-        live.play(bag)
+        live.play_bag(bag, "--keep-alive")
         measured = dict(case, repetitions=[attempted(repetition, watcher, register, phantom, case["trigger"], number)
                                            for number in range(options.repetitions)])
         measured["memory_mib"] = live.memory_mib()
@@ -487,7 +484,7 @@ def memory_rows(launches, nodelet):
         if launch["nodelet"] == nodelet:
             for name, sizes in launch["memory_mib"].items():
                 most[name] = tuple(map(max, sizes, most.get(name, sizes)))
-    others = ("rosmaster", "roslaunch", "rosbag play")
+    others = ("rosmaster", "roslaunch", "rosbag", "player")
     names = sorted(most, key=lambda name: (name in others, name))
     return [[nodelet, name, "theirs" if name in others else "ours", *(f"{size:.0f}" for size in most[name])]
             for name in names]

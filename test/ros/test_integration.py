@@ -97,7 +97,7 @@ class TestIntegration(unittest.TestCase):
         self.system.client("ready")
 
     def register(self):
-        self.system.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(self.bag))
+        self.system.play_bag(self.bag, "--keep-alive")
         self.system.client("acquired", self.case.start_s)
         self.system.client("initial", self.case.start_off())
         answer = run(["rosservice", "call", "/register"], self.system.environment)

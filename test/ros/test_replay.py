@@ -198,10 +198,14 @@ class System:
 
     def play(self, pose):
         """Replays the next acquisition and waits for its volume; the previous one may still be latched."""
-        bag = self.acquisition.next_bag(pose)
-        self.stop("player")
-        self.start("player", "rosbag", "play", "--clock", "--keep-alive", "--quiet", str(bag))
+        self.play_bag(self.acquisition.next_bag(pose), "--keep-alive")
         self.client("acquired", self.acquisition.start_s)
+
+    def play_bag(self, bag, *options):
+        """Replays a bag from its first message on, to all who listen by then."""
+        self.stop("player")
+        self.start("player", "rosbag", "play", "--clock", "--quiet", "--pause", *options, str(bag), "__name:=player")
+        self.client("go_on", "/player")
 
     def client(self, *arguments):
         return run([*CLIENT, *map(str, arguments)], self.environment)
@@ -263,9 +267,7 @@ class TestReplay(unittest.TestCase):
 
     def register_in_loops(self):
         """A CT that is loaded in one loop of a bag, after the sweep, is there in all loops that follow."""
-        self.system.stop("player")
-        bag = self.acquisition.next_bag(0, pause_s=4)
-        self.system.start("player", "rosbag", "play", "-l", "--clock", "--quiet", str(bag))
+        self.system.play_bag(self.acquisition.next_bag(0, pause_s=4), "-l")
         self.system.client("acquired", self.acquisition.start_s)
         self.system.client("initial", self.acquisition.initial)
         # Another CT than the one before, for that one would keep its stamp.

@@ -85,8 +85,9 @@ class TestTwoMachines(unittest.TestCase):
         self.start("workstation", self.workstation, "roslaunch", "--wait", PACKAGE, "workstation.launch",
                    "fixed_frame:=patient", "preset:=phantom", f"ct:={self.acquisition.ct}")
         self.run_on(self.robot, *CLIENT, "ready")
-        self.start("player", self.robot, "rosbag", "play", "--clock", "--keep-alive", "--quiet",
-                   self.acquisition.next_bag(0))
+        self.start("player", self.robot, "rosbag", "play", "--clock", "--keep-alive", "--quiet", "--pause",
+                   self.acquisition.next_bag(0), "__name:=player")
+        self.run_on(self.robot, *CLIENT, "go_on", "/player")
         self.run_on(self.robot, *CLIENT, "acquired")
         self.run_on(self.robot, *CLIENT, "initial", self.acquisition.initial)
         answer = self.run_on(self.robot, "rosservice", "call", "/register")
