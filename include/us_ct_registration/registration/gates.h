@@ -10,9 +10,19 @@
 namespace usct {
 
 /// How a case can be mirrored. Of the ultrasound the lines, the frames or both may be in reverse
-/// order; both together are a half turn of the probe about its beams. Of the CT two of the three
-/// axes of its grid may be exchanged.
-enum class Mirror { kLines, kFrames, kHalfTurn, kCtAxes12, kCtAxes13, kCtAxes23 };
+/// order; both together are a half turn of the probe about its beams. Of the three axes of the CT's
+/// grid one may be reversed, or two exchanged.
+enum class Mirror {
+  kLines,
+  kFrames,
+  kHalfTurn,
+  kCtAxis1,
+  kCtAxis2,
+  kCtAxis3,
+  kCtAxes12,
+  kCtAxes13,
+  kCtAxes23
+};
 
 /// Measures of a registration; a measure that was not taken is absent.
 struct Measures {
@@ -24,7 +34,7 @@ struct Measures {
   /// of the field of view).
   std::optional<double> disagreement_mm;
   /// Similarity of the best optimum over that of the best mirrored ultrasound (see Mirror); over
-  /// that of a CT with exchanged axes, if that fits better than the optimum.
+  /// that of a mirrored CT, if that fits better than the optimum.
   std::optional<double> mirror_ratio;
   /// Student's t of the same comparison, patch by patch: the least of all mirrored ultrasound.
   std::optional<double> mirror_advantage;
@@ -84,11 +94,11 @@ Measures measures_from(const std::map<std::string, double>& values, const std::s
 struct RightProbability {
   double mirrors = 0.0;  // it is better than the mirrored ultrasound
   double chance = 0.0;   // it is better than poses elsewhere, which chance reaches
-  double parts = 0.0;    // parts of the field agree about it
+  double anatomy = 0.0;  // the CT shows this anatomy, and not a like one: parts of the field agree
   double near = 1.0;     // its error is below 5 mm, if it is as large as expected
 
-  /// All together. Chance and parts both ask whether the pose is a firm optimum, so that their odds
-  /// are multiplied; those of chance count up to a limit, since the kidney of another patient
+  /// All together. Chance and anatomy both ask whether the pose is a firm optimum, so that their
+  /// odds are multiplied; those of chance count up to a limit, since the kidney of another patient
   /// stands out from chance as well. Mirrored ultrasound has firm optima too, and a firm optimum of
   /// tissue that has moved is no close one: these probabilities are factors.
   double all() const;

@@ -29,7 +29,7 @@ double times(const Candidate& best, double other) {
 }
 
 /// A pose that is this much less probably wrong than the limit allows is accepted without a search
-/// for exchanged axes, which takes as long as that for mirrored ultrasound.
+/// for a mirrored CT, which takes twice as long as that for mirrored ultrasound.
 constexpr double kBeyondDoubt = 0.1;
 
 void set_wrong_probability(Measures& measures) {
@@ -100,19 +100,22 @@ class PatchComparison {
 
 bool may_be_missed(const Assessment& assessment) {
   const Measures& measures = assessment.measures;
-  const std::optional<RightProbability> right = right_probability(measures);
-  if (!right) return true;
+  if (!right_probability(measures)) return true;
   constexpr double kMirrorFound = 0.6;
   constexpr double kMirrorSure = -4.0;
   if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
     return false;
-  return right->chance < 0.5 || right->parts < 0.5;
+  // What mirror images reach says whether to believe a pose, and not whether there is a better one.
+  Measures firm = measures;
+  firm.mirror_ratio = firm.mirror_advantage = std::numeric_limits<double>::infinity();
+  const std::optional<RightProbability> right = right_probability(firm);
+  return right->chance < 0.5 || right->anatomy < 0.5;
 }
 
 bool Assessor::parts_could_save(const Assessment& compared) const {
   const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
   Assessment best = compared;
-  best.measures.parts_mm = 0.0;
+  best.measures.parts_mm = best.measures.tissue_motion_mm = 0.0;
   best.measures.local_agreement = 1.0;
   const std::optional<RightProbability> right = right_probability(best.measures);
   return !limit || !right || 1.0 - right->all() <= *limit || !may_be_missed(best);
@@ -176,17 +179,17 @@ void Assessor::conclude(const EvidenceImages& on, const Candidate& best, Assessm
   const std::optional<double>& wrong = assessment.measures.wrong_probability;
   const double limit = *options_.confidence.gates.max_wrong_probability;
   const bool in_doubt = wrong && *wrong <= limit && *wrong > kBeyondDoubt * limit;
-  if (!in_doubt || axes_are_known_) return;
-  compare_with_exchanged_axes(on, best, assessment, run);
+  if (!in_doubt || ct_is_known_) return;
+  compare_with_mirrored_ct(on, best, assessment, run);
   set_wrong_probability(assessment.measures);
 }
 
-void Assessor::compare_with_exchanged_axes(const EvidenceImages& on, const Candidate& best,
-                                           Assessment& assessment, Run& run) const {
+void Assessor::compare_with_mirrored_ct(const EvidenceImages& on, const Candidate& best,
+                                        Assessment& assessment, Run& run) const {
   const PatchComparison patches(on.images, options_.confidence, best);
   double highest = best.value;
-  for (const Decoy& decoy : search_exchanged_axes(on.problem, best.T_us_ct, ct_.grid.direction,
-                                                  options_.confidence.decoys, decoy_rounds_, run)) {
+  for (const Decoy& decoy : search_mirrored_ct(on.problem, best.T_us_ct, ct_.grid.direction,
+                                               options_.confidence.decoys, decoy_rounds_, run)) {
     if (!(decoy.best.value > highest)) continue;
     const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
     if (!(advantage < 0.0)) continue;

@@ -14,8 +14,8 @@ namespace usct::registration {
 struct Assessment {
   Measures measures;
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
-  /// The best mirrored ultrasound, or CT with exchanged axes that fits better than the pose; unset
-  /// if none has a value.
+  /// The best mirrored ultrasound, or mirrored CT that fits better than the pose; unset if none has
+  /// a value.
   std::optional<Mirror> best_mirror;
 };
 
@@ -44,10 +44,10 @@ class Assessor {
   bool gathers(EvidenceSource source) const;
   /// Decoys that `compare` found, and decoys that it shall compare with in place of a search.
   const std::optional<std::vector<Decoy>>& decoys() const { return decoys_; }
-  /// A pose in this CT was accepted then, so that the order of its axes is known.
+  /// A pose in this CT was accepted then, so that its axes are known to be right.
   void take_over(std::vector<Decoy> decoys) {
     decoys_ = std::move(decoys);
-    axes_are_known_ = true;
+    ct_is_known_ = true;
   }
   /// Lets the next comparison search for the decoys in so many rounds: a pose that a later round
   /// found had more starts, and so must the decoys that it is compared with.
@@ -75,12 +75,12 @@ class Assessor {
   void compare_with_decoys(const EvidenceImages& on, const Candidate& best,
                            const PatchComparison& patches, Assessment& result, Run& run);
   /// The probability that the pose is wrong, by all evidence. A pose that it would accept, but not
-  /// beyond doubt, is also compared with CTs of exchanged axes.
+  /// beyond doubt, is also compared with mirrored CTs.
   void conclude(const EvidenceImages& on, const Candidate& best, Assessment& assessment,
                 Run& run) const;
-  /// A CT with exchanged axes that fits better, as a whole and patch by patch, is the best mirror.
-  void compare_with_exchanged_axes(const EvidenceImages& on, const Candidate& best,
-                                   Assessment& assessment, Run& run) const;
+  /// A mirrored CT that fits better, as a whole and patch by patch, is the best mirror.
+  void compare_with_mirrored_ct(const EvidenceImages& on, const Candidate& best,
+                                Assessment& assessment, Run& run) const;
   void compare_with_rivals(const EvidenceImages& on, const std::vector<Candidate>& optima,
                            const PatchComparison& patches, Measures& measures) const;
   /// Measures from the field of view alone at the refined pose: agreement of its parts, and errors
@@ -100,7 +100,7 @@ class Assessor {
   /// They are kept from round to round: what is no better than decoys of fewer starts is refused.
   std::optional<std::vector<Decoy>> decoys_;
   int decoy_rounds_ = 1;
-  bool axes_are_known_ = false;
+  bool ct_is_known_ = false;
 };
 
 }  // namespace usct::registration

@@ -25,6 +25,24 @@ Isometry3d about(const Vector3d& centre_us_mm, const Matrix3d& linear) {
   return motion;
 }
 
+/// The normal of the plane in which a mirrored CT is reflected, CT frame.
+Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
+  switch (mirror) {
+    case Mirror::kCtAxis1:
+      return axes.col(0);
+    case Mirror::kCtAxis2:
+      return axes.col(1);
+    case Mirror::kCtAxis3:
+      return axes.col(2);
+    case Mirror::kCtAxes12:
+      return (axes.col(0) - axes.col(1)).normalized();
+    case Mirror::kCtAxes13:
+      return (axes.col(0) - axes.col(2)).normalized();
+    default:
+      return (axes.col(1) - axes.col(2)).normalized();
+  }
+}
+
 /// The best optimum of a search with mirrored ultrasound; without a value if there is none.
 Candidate best_of(const SearchProblem& problem, const SearchOptions& search,
                   const Isometry3d& T_mirror, const Isometry3d& T_us_ct_found, int rounds,
@@ -79,12 +97,10 @@ Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centr
   return about(centre_us_mm, linear);
 }
 
-Isometry3d exchange_of(Mirror mirror, const Matrix3d& axes, const Isometry3d& T_us_ct,
-                       const Vector3d& centre_us_mm) {
-  const int first = mirror == Mirror::kCtAxes23 ? 1 : 0;
-  const int second = mirror == Mirror::kCtAxes12 ? 1 : 2;
-  const Vector3d between = T_us_ct.linear() * (axes.col(first) - axes.col(second)).normalized();
-  return about(centre_us_mm, Matrix3d::Identity() - 2.0 * between * between.transpose());
+Isometry3d ct_mirror_of(Mirror mirror, const Matrix3d& axes, const Isometry3d& T_us_ct,
+                        const Vector3d& centre_us_mm) {
+  const Vector3d normal = T_us_ct.linear() * mirror_normal(mirror, axes);
+  return about(centre_us_mm, Matrix3d::Identity() - 2.0 * normal * normal.transpose());
 }
 
 void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count,
@@ -125,15 +141,15 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
   return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
 }
 
-std::vector<Decoy> search_exchanged_axes(const SearchProblem& problem,
-                                         const Eigen::Isometry3d& T_us_ct_found,
-                                         const Matrix3d& axes, const DecoyOptions& options,
-                                         int rounds, Run& run) {
+std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
+                                      const Eigen::Isometry3d& T_us_ct_found, const Matrix3d& axes,
+                                      const DecoyOptions& options, int rounds, Run& run) {
   std::vector<Decoy> decoys;
-  for (const Mirror mirror : {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23})
+  for (const Mirror mirror : {Mirror::kCtAxis1, Mirror::kCtAxis2, Mirror::kCtAxis3,
+                              Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23})
     decoys.push_back(
         {mirror,
-         exchange_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
+         ct_mirror_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
          {}});
   return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
 }

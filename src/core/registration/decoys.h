@@ -9,8 +9,8 @@
 /// Decoys: the ultrasound mirrored, and searched for in the CT like the ultrasound itself. A
 /// mirrored field of view has the same brightness, noise and layers, but no right pose. The
 /// similarity that decoys reach is therefore what chance, and an anatomy that is nearly symmetric,
-/// can reach in this very case. A CT whose axes are exchanged is a mirror image too, but turned by
-/// a right angle, which the search does not reach; ultrasound that is mirrored in the same way
+/// can reach in this very case. A CT with reversed or exchanged axes is a mirror image too, but
+/// turned by an angle that the search does not reach; ultrasound that is mirrored in the same way
 /// does.
 namespace usct::registration {
 
@@ -20,12 +20,11 @@ namespace usct::registration {
 Eigen::Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams,
                             const Eigen::Vector3d& centre_us_mm);
 
-/// The same for two exchanged axes of the CT's grid, whose directions in the CT frame are the
-/// columns of `axes`: a reflection that brings ultrasound at T_us_ct to where it would be in the
-/// other CT.
-Eigen::Isometry3d exchange_of(Mirror mirror, const Eigen::Matrix3d& axes,
-                              const Eigen::Isometry3d& T_us_ct,
-                              const Eigen::Vector3d& centre_us_mm);
+/// The same for a mirrored CT, the axes of whose grid in the CT frame are the columns of `axes`: a
+/// reflection that brings ultrasound at T_us_ct to where it would be in the other CT.
+Eigen::Isometry3d ct_mirror_of(Mirror mirror, const Eigen::Matrix3d& axes,
+                               const Eigen::Isometry3d& T_us_ct,
+                               const Eigen::Vector3d& centre_us_mm);
 
 /// The similarity of the mirrored ultrasound: that of the ultrasound at T_ct_us * mirror. The
 /// original must outlive it. Must not be used with a similarity that simulates beams, which accepts
@@ -70,10 +69,10 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  const DecoyOptions& options, int rounds, Run& run);
 
-/// Searches in the same way for ultrasound that is mirrored as a CT with exchanged axes would be.
-std::vector<Decoy> search_exchanged_axes(const SearchProblem& problem,
-                                         const Eigen::Isometry3d& T_us_ct_found,
-                                         const Eigen::Matrix3d& axes, const DecoyOptions& options,
-                                         int rounds, Run& run);
+/// Searches in the same way for ultrasound that is mirrored as a mirrored CT would be.
+std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
+                                      const Eigen::Isometry3d& T_us_ct_found,
+                                      const Eigen::Matrix3d& axes, const DecoyOptions& options,
+                                      int rounds, Run& run);
 
 }  // namespace usct::registration

@@ -27,20 +27,39 @@ constexpr double kTornMm = 4.0;
 constexpr double kMostTornMm = 4.0;
 constexpr double kTornPerMm = 2.0;
 
-/// The local agreement at which parts of the field say nothing, and how fast the log odds rise with
-/// it: docs/confidence.md says how they were chosen.
-constexpr double kEvenAgreement = 0.28;
-constexpr double kPerAgreement = 60.0;
+/// Nothing makes up for blocks that do not agree: below this local agreement they speak against the
+/// pose, and the log odds fall by kPerTooLittleAgreement times what is missing.
+constexpr double kLeastAgreement = 0.24;
+constexpr double kPerTooLittleAgreement = 30.0;
 
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
 constexpr double kMostChanceOdds = 4.0;
-constexpr double kMostPartsOdds = 3.0;
-/// Beside parts, standing out from chance counts for no more log odds than this: the kidney of
-/// another patient stands out from chance as well, and only parts of the field tell it.
-constexpr double kMostChanceBesideParts = 1.0;
+constexpr double kMostAnatomyOdds = 3.0;
+/// Beside the anatomy, standing out from chance counts for no more log odds than this: the kidney
+/// of another patient stands out from chance as well.
+constexpr double kMostChanceBesideAnatomy = 1.0;
 
 /// Poses farther off are wrong.
 constexpr double kWrongMm = 5.0;
+
+/// The comparison with mirror images, within the range in which the calibration has seen it.
+struct MirrorComparison {
+  double log_ratio;
+  double advantage;
+};
+MirrorComparison mirror_comparison(const Measures& m) {
+  return {log_within(*m.mirror_ratio, 0.7, 2.5), std::clamp(*m.mirror_advantage, -3.0, 6.0)};
+}
+
+/// The log odds that the CT shows the anatomy that is in the ultrasound, and not a like one.
+double anatomy_log_odds(const Measures& m) {
+  const MirrorComparison mirrors = mirror_comparison(m);
+  const double together = -11.3 + 30.0 * *m.local_agreement - 2.75 * *m.tissue_motion_mm +
+                          4.6 * mirrors.log_ratio + 1.8 * mirrors.advantage;
+  const double blocks = kPerTooLittleAgreement * (*m.local_agreement - kLeastAgreement);
+  const double torn = kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm);
+  return std::min({together, blocks, kMostAnatomyOdds}) - torn;
+}
 
 /// The probability that a normally distributed error in space, the same in all directions, is
 /// shorter than kWrongMm (Maxwell's distribution).
@@ -52,27 +71,25 @@ double probability_near(double rms_mm) {
 }  // namespace
 
 double RightProbability::all() const {
-  const double counts = std::min(chance, logistic(kMostChanceBesideParts));
-  const double against = (1.0 - counts) * (1.0 - parts);
-  return mirrors * near * counts * parts / (counts * parts + against);
+  const double counts = std::min(chance, logistic(kMostChanceBesideAnatomy));
+  const double against = (1.0 - counts) * (1.0 - anatomy);
+  return mirrors * near * counts * anatomy / (counts * anatomy + against);
 }
 
 std::optional<RightProbability> right_probability(const Measures& m) {
   for (const std::optional<double>& value :
        {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.rival_ratio, m.rival_advantage,
-        m.parts_mm, m.local_agreement})
+        m.parts_mm, m.local_agreement, m.tissue_motion_mm})
     if (!value || std::isnan(*value)) return std::nullopt;
   if (m.expected_error_mm && std::isnan(*m.expected_error_mm)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
-  const double torn = kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm);
+  const MirrorComparison mirrors = mirror_comparison(m);
   RightProbability right;
-  right.mirrors = logistic(-0.8 + 4.0 * log_within(*m.mirror_ratio, 0.7, 2.5) +
-                           1.55 * std::clamp(*m.mirror_advantage, -3.0, 6.0));
+  right.mirrors = logistic(-0.8 + 4.0 * mirrors.log_ratio + 1.55 * mirrors.advantage);
   right.chance = logistic(
       std::min(kMostChanceOdds, -4.0 + 5.3 * log_within(*m.rival_ratio, 0.7, 3.0) +
                                     0.7 * std::clamp(*m.rival_advantage, -3.0, 6.0) - far));
-  const double agreement = kPerAgreement * (*m.local_agreement - kEvenAgreement);
-  right.parts = logistic(std::min(kMostPartsOdds, agreement) - torn);
+  right.anatomy = logistic(anatomy_log_odds(m));
   if (m.expected_error_mm) right.near = probability_near(*m.expected_error_mm);
   return right;
 }

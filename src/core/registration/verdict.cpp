@@ -19,6 +19,12 @@ std::string mirrored_words(Mirror mirror) {
       return "its frames in reverse order";
     case Mirror::kHalfTurn:
       return "the probe turned by half a turn";
+    case Mirror::kCtAxis1:
+      return "the first axis of the CT reversed";
+    case Mirror::kCtAxis2:
+      return "the second axis of the CT reversed";
+    case Mirror::kCtAxis3:
+      return "the third axis of the CT reversed";
     case Mirror::kCtAxes12:
       return "the first and second axes of the CT exchanged";
     case Mirror::kCtAxes13:
@@ -30,7 +36,7 @@ std::string mirrored_words(Mirror mirror) {
 }
 
 bool is_of_ct(Mirror mirror) {
-  return mirror == Mirror::kCtAxes12 || mirror == Mirror::kCtAxes13 || mirror == Mirror::kCtAxes23;
+  return mirror != Mirror::kLines && mirror != Mirror::kFrames && mirror != Mirror::kHalfTurn;
 }
 
 /// Whether mirrored ultrasound is clearly better, which names the fault.
@@ -63,14 +69,16 @@ std::string chance_words(const Measures& m) {
          "patient, the kidney may not be in view, or the initial pose may be too far off";
 }
 
-std::string parts_words(const Measures& m) {
-  return "parts of the ultrasound would rather lie elsewhere (small blocks of the field agree with "
-         "the pose by " +
+std::string anatomy_words(const Measures& m) {
+  return "the ultrasound fits as it may fit another anatomy that is alike (small blocks of the "
+         "field "
+         "agree with the pose by " +
          number(*m.local_agreement) +
-         ", where 1 is full agreement and 0 is chance; halves of the "
-         "field move it by " +
-         number(*m.parts_mm) +
-         " mm): the CT may be of another patient, or the anatomy may be deformed or may have moved "
+         ", where 1 is full agreement and 0 is chance; tissue in the middle would rather lie " +
+         number(*m.tissue_motion_mm) + " mm elsewhere; halves of the field move the pose by " +
+         number(*m.parts_mm) + " mm; it has " + number(*m.mirror_ratio) +
+         " times the similarity of its best mirror image): the CT may be of another patient, or "
+         "the anatomy may be deformed or may have moved "
          "during the sweep; check whose CT it is, probe geometry and tracking, and acquire again "
          "during a breath hold";
 }
@@ -112,10 +120,10 @@ std::string acquisition_words(const Measures& m) {
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
   if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";
-  const double least = std::min({right->mirrors, right->chance, right->parts, right->near});
+  const double least = std::min({right->mirrors, right->chance, right->anatomy, right->near});
   if (least == right->mirrors || is_mirrored(assessment.measures)) return mirror_words(assessment);
   if (least == right->chance) return chance_words(assessment.measures);
-  if (least == right->parts) return parts_words(assessment.measures);
+  if (least == right->anatomy) return anatomy_words(assessment.measures);
   return near_words(assessment.measures);
 }
 

@@ -36,20 +36,25 @@ RC_GTEST_PROP(MirrorOf, IsAnInvolutionThatKeepsTheCentre, ()) {
   }
 }
 
-/// Where the ultrasound at a pose lies in a CT with exchanged axes: two coordinates in the CT's
-/// grid change places, relative to the centre of the field.
-RC_GTEST_PROP(ExchangeOf, ExchangesCoordinatesInTheGrid, ()) {
+constexpr Mirror kOfCt[] = {Mirror::kCtAxis1,  Mirror::kCtAxis2,  Mirror::kCtAxis3,
+                            Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23};
+
+/// Where the ultrasound at a pose lies in a mirrored CT: relative to the centre of the field, one
+/// coordinate in the CT's grid changes its sign, or two change places.
+RC_GTEST_PROP(CtMirrorOf, ReversesOrExchangesCoordinatesInTheGrid, ()) {
   const Eigen::Matrix3d axes = random_pose().linear();
   const Isometry3d T_us_ct = random_pose();
   const Vector3d centre = random_pose().translation();
   const Isometry3d T_ct_us = T_us_ct.inverse();
   const std::pair<int, int> pairs[] = {{0, 1}, {0, 2}, {1, 2}};
-  const Mirror mirrors[] = {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23};
-  for (int i = 0; i < 3; ++i) {
-    const Isometry3d motion = registration::exchange_of(mirrors[i], axes, T_us_ct, centre);
+  for (int i = 0; i < 6; ++i) {
+    const Isometry3d motion = registration::ct_mirror_of(kOfCt[i], axes, T_us_ct, centre);
     const Vector3d p = random_pose().translation();
     Vector3d along = axes.transpose() * (T_ct_us * p - T_ct_us * centre);
-    std::swap(along[pairs[i].first], along[pairs[i].second]);
+    if (i < 3)
+      along[i] *= -1.0;
+    else
+      std::swap(along[pairs[i - 3].first], along[pairs[i - 3].second]);
     RC_ASSERT((T_ct_us * (motion * p) - (T_ct_us * centre + axes * along)).norm() < 1e-7);
   }
 }
@@ -151,8 +156,8 @@ class Searched {
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);
   }
-  std::vector<Decoy> exchanged(const Isometry3d& T_us_ct_found, const Eigen::Matrix3d& axes) {
-    return registration::search_exchanged_axes(
+  std::vector<Decoy> of_mirrored_ct(const Isometry3d& T_us_ct_found, const Eigen::Matrix3d& axes) {
+    return registration::search_mirrored_ct(
         {{{&peaks_, nullptr}, {&peaks_, nullptr}}, options_, initial_, field_, 1}, T_us_ct_found,
         axes, {}, 1, run_);
   }
@@ -193,17 +198,17 @@ TEST(SearchDecoys, EachFindsThePoseOfItsOwnMirror) {
   }
 }
 
-TEST(SearchExchangedAxes, EachFindsThePoseOfItsOwnExchange) {
+TEST(SearchMirroredCt, EachFindsThePoseOfItsOwnMirror) {
   const Isometry3d right(Eigen::Translation3d(6.0, -5.0, 4.0));
   const Isometry3d elsewhere(Eigen::Translation3d(-7.0, 3.0, 5.0));
   const Eigen::Matrix3d axes =
       Eigen::AngleAxisd(0.8, Vector3d(1, 2, -1).normalized()).toRotationMatrix();
-  for (const Mirror mirror : {Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23}) {
-    const Isometry3d motion = registration::exchange_of(mirror, axes, Isometry3d::Identity(),
-                                                        cube_field().centre_us_mm());
+  for (const Mirror mirror : kOfCt) {
+    const Isometry3d motion = registration::ct_mirror_of(mirror, axes, Isometry3d::Identity(),
+                                                         cube_field().centre_us_mm());
     Searched searched({{right, 1.0, 6.0}, {motion * elsewhere, 0.7, 6.0}});
-    const std::vector<Decoy> decoys = searched.exchanged(right, axes);
-    ASSERT_EQ(decoys.size(), 3U);
+    const std::vector<Decoy> decoys = searched.of_mirrored_ct(right, axes);
+    ASSERT_EQ(decoys.size(), 6U);
     for (const Decoy& decoy : decoys) {
       if (decoy.mirror != mirror) continue;
       EXPECT_NEAR(decoy.best.value, 0.7, 0.02);

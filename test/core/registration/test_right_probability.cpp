@@ -28,6 +28,7 @@ const std::vector<Evidence>& evidence() {
       {&Measures::rival_ratio, true, 0.1, 5.0},
       {&Measures::parts_mm, false, 0.01, 40.0},
       {&Measures::local_agreement, true, -0.3, 1.0},
+      {&Measures::tissue_motion_mm, false, 0.0, 5.2},
       {&Measures::rival_advantage, true, -9.0, 9.0},
   };
   return all;
@@ -41,14 +42,14 @@ Measures any_measures() {
 
 double odds(double probability) { return probability / (1.0 - probability); }
 
-/// The most that standing out from chance counts for beside parts: odds of e.
+/// The most that standing out from chance counts for beside the anatomy: odds of e.
 const double kMostOddsOfChance = std::exp(1.0);
 
-RC_GTEST_PROP(RightProbability, MultipliesTheOddsOfChanceAndPartsByTheProbabilityOfMirrors, ()) {
+RC_GTEST_PROP(RightProbability, MultipliesTheOddsOfChanceAndAnatomyByTheProbabilityOfMirrors, ()) {
   const RightProbability right = right_probability(any_measures()).value();
-  for (const double each : {right.mirrors, right.chance, right.parts, right.all()})
+  for (const double each : {right.mirrors, right.chance, right.anatomy, right.all()})
     RC_ASSERT(each >= 0.0 && each <= 1.0);
-  const double both = std::min(odds(right.chance), kMostOddsOfChance) * odds(right.parts);
+  const double both = std::min(odds(right.chance), kMostOddsOfChance) * odds(right.anatomy);
   RC_ASSERT(std::abs(right.all() - right.mirrors * both / (1.0 + both)) < 1e-9);
 }
 
@@ -62,7 +63,7 @@ RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
     const RightProbability after = right_probability(better).value();
     RC_ASSERT(after.mirrors >= before.mirrors);
     RC_ASSERT(after.chance >= before.chance);
-    RC_ASSERT(after.parts >= before.parts);
+    RC_ASSERT(after.anatomy >= before.anatomy);
   }
 }
 
@@ -73,6 +74,7 @@ Measures strong_measures() {
   measures.mirror_ratio = measures.rival_ratio = measures.chance_ratio = 2.0;
   measures.mirror_advantage = measures.rival_advantage = 5.0;
   measures.local_agreement = 0.5;
+  measures.tissue_motion_mm = 1.0;
   return measures;
 }
 
@@ -83,10 +85,23 @@ TEST(RightProbability, NothingMakesUpForBlocksThatDoNotAgree) {
   measures.mirror_ratio = measures.rival_ratio = 100.0;
   measures.mirror_advantage = measures.rival_advantage = 100.0;
   measures.local_agreement = 0.2;
-  EXPECT_LT(right_probability(measures)->all(), 0.1);
+  EXPECT_LT(right_probability(measures)->all(), 0.5);
   EXPECT_GT(right_probability(measures)->chance, 0.95);
   measures.local_agreement = 0.4;
   EXPECT_GT(right_probability(measures)->all(), 0.9);
+}
+
+/// Of two poses whose blocks agree equally well, that one is right whose tissue need not have moved
+/// and which stands out from its mirror images.
+TEST(RightProbability, BlocksThatAgreeHalfwayNeedOtherEvidence) {
+  Measures noisy = strong_measures();
+  noisy.local_agreement = 0.29;
+  EXPECT_GT(right_probability(noisy)->all(), 0.8);
+  Measures of_another_patient = noisy;
+  of_another_patient.tissue_motion_mm = 3.3;
+  of_another_patient.mirror_ratio = 1.2;
+  of_another_patient.mirror_advantage = 4.0;
+  EXPECT_LT(right_probability(of_another_patient)->all(), 0.3);
 }
 
 /// The square of an error's length over its variance along an axis is chi-squared with 3 degrees of
@@ -121,6 +136,7 @@ Measures middling() {
   measures.rival_advantage = 3.0;
   measures.parts_mm = 5.0;
   measures.local_agreement = 0.26;
+  measures.tissue_motion_mm = 1.0;
   return measures;
 }
 
@@ -168,6 +184,7 @@ TEST(RightProbability, EachKindRefusesAlone) {
   strong.mirror_advantage = strong.rival_advantage = 9.0;
   strong.parts_mm = 0.1;
   strong.local_agreement = 0.9;
+  strong.tissue_motion_mm = 0.0;
   strong.displacement_mm = 0.0;
   EXPECT_TRUE(is_accepted(strong));
   Measures mirrored = strong;

@@ -22,6 +22,7 @@ Assessment strong() {
   m.mirror_advantage = m.chance_advantage = m.rival_advantage = 5.0;
   m.parts_mm = m.ridge_parts_mm = 0.5;
   m.local_agreement = 0.6;
+  m.tissue_motion_mm = 0.8;
   assessment.best_mirror = Mirror::kLines;
   return assessment;
 }
@@ -47,6 +48,7 @@ Assessment torn() {
   assessment.measures.parts_mm = 7.0;
   assessment.measures.ridge_parts_mm = 9.0;
   assessment.measures.local_agreement = 0.12;
+  assessment.measures.tissue_motion_mm = 3.2;
   return assessment;
 }
 
@@ -86,6 +88,10 @@ TEST(Verdict, AMirroredUltrasoundThatFitsBetterIsNamed) {
   expect_named(mirrored(Mirror::kFrames, 0.8, -2.0), {"better with its frames in reverse order"});
   expect_named(mirrored(Mirror::kHalfTurn, 0.8, -2.0),
                {"better with the probe turned by half a turn"});
+  expect_named(mirrored(Mirror::kCtAxis1, 0.8, -2.0),
+               {"better with the first axis of the CT reversed", "CT's file"});
+  expect_named(mirrored(Mirror::kCtAxis2, 0.8, -2.0), {"the second axis of the CT reversed"});
+  expect_named(mirrored(Mirror::kCtAxis3, 0.8, -2.0), {"the third axis of the CT reversed"});
   expect_named(mirrored(Mirror::kCtAxes12, 0.8, -2.0),
                {"better with the first and second axes of the CT exchanged", "CT's file"});
   expect_named(mirrored(Mirror::kCtAxes13, 0.8, -2.0), {"the first and third axes of the CT"});
@@ -104,9 +110,9 @@ TEST(Verdict, ARivalIsToldFromChance) {
   expect_named(by_chance(1.05, 1.05), {"chance", "1.1 times", "another patient"});
 }
 
-TEST(Verdict, PartsThatDisagreeAreNamedWithTheirMotion) {
-  expect_named(torn(),
-               {"parts of the ultrasound", "by 0.12", "move it by 7 mm", "another patient"});
+TEST(Verdict, AnAnatomyThatMayBeAnotherIsNamedWithWhatSpeaksAgainstIt) {
+  expect_named(torn(), {"another anatomy", "by 0.12", "lie 3.2 mm elsewhere",
+                        "move the pose by 7 mm", "2 times", "another patient"});
 }
 
 TEST(Verdict, AnErrorThatMayBeTooLargeIsNamedWithTheMotionOfTissue) {
