@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -11,6 +12,7 @@
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/phantom/phantom.h"
 #include "us_ct_registration/registration/registration.h"
+#include "us_ct_registration/registration/tracking.h"
 #include "us_ct_registration/volume/operations.h"
 
 namespace usct {
@@ -92,11 +94,45 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
     state.counters[stage + "_ms"] = 1000.0 * taken / static_cast<double>(seed);
 }
 
+/// One tracked registration per iteration, as of a probe that has moved a little; CT prepared.
+void tracking(benchmark::State& state, const char* preset_name, SceneKind scene) {
+  constexpr double kMovedMm = 2.0;
+  constexpr double kMaxRotationRad = 0.03;
+  const PhantomCase& phantom = full_case(scene);
+  const RegistrationOptions options = preset(preset_name);
+  const BeamUltrasound us = along_beams(phantom.ultrasound);
+  const ThreadCount threads(static_cast<int>(state.range(0)));
+  const PreparedCt ct(phantom.ct, options);
+  RegistrationTracker tracker(options, {std::numeric_limits<int>::max()});
+  if (!tracker.next(us, ct, phantom.truth.T_us_ct).T_us_ct) return state.SkipWithError("refused");
+  forget_peak_memory();
+  std::map<std::string, double> seconds;
+  double tre_mm = 0.0;
+  double tracked = 0.0;
+  std::uint64_t seed = 0;
+  for (auto _ : state) {
+    const Eigen::Isometry3d motion =
+        random_motion(++seed, phantom.truth.targets_us_mm, kMovedMm, kMaxRotationRad);
+    const RegistrationResult result = tracker.next(us, ct, motion * phantom.truth.T_us_ct);
+    for (const auto& [stage, taken] : result.seconds) seconds[stage] += taken;
+    if (!result.T_us_ct || result.seconds.count("search") != 0) continue;
+    tracked += 1.0;
+    tre_mm += evaluate_targets(*result.T_us_ct, phantom.truth.T_us_ct, phantom.truth.targets_us_mm)
+                  .mean_mm;
+  }
+  finish(state, static_cast<std::int64_t>(us.brightness.size()));
+  state.counters["tracked"] = tracked / static_cast<double>(seed);
+  state.counters["tre_mm"] = tre_mm / tracked;
+  for (const auto& [stage, taken] : seconds)
+    state.counters[stage + "_ms"] = 1000.0 * taken / static_cast<double>(seed);
+}
+
 const Eigen::Vector3i kUsual(320, 220, 110);
 const Eigen::Vector3i kLarge(512, 512, 300);
 constexpr auto kMs = benchmark::kMillisecond;
 constexpr auto kAgar = SceneKind::kAgar;
 constexpr auto kPatient = SceneKind::kPatient;
+BENCHMARK_CAPTURE(tracking, patient, "patient", kPatient)->Arg(2)->Unit(kMs)->UseRealTime();
 BENCHMARK_CAPTURE(registration, phantom, "phantom", kAgar, kUsual)
     ->Arg(1)
     ->Arg(2)
