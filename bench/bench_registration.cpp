@@ -94,10 +94,10 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
     state.counters[stage + "_ms"] = 1000.0 * taken / static_cast<double>(seed);
 }
 
-/// One tracked registration per iteration, as of a probe that has moved a little; CT prepared.
+/// One tracked registration per iteration, from a pose that is a little off; CT prepared.
 void tracking(benchmark::State& state, const char* preset_name, SceneKind scene) {
-  constexpr double kMovedMm = 2.0;
-  constexpr double kMaxRotationRad = 0.03;
+  constexpr double kMovedMm = 0.5;
+  constexpr double kMaxRotationRad = 0.01;
   const PhantomCase& phantom = full_case(scene);
   const RegistrationOptions options = preset(preset_name);
   const BeamUltrasound us = along_beams(phantom.ultrasound);

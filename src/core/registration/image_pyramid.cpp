@@ -89,6 +89,8 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
                                             std::shared_ptr<const PackedCt> packed,
                                             const RegistrationOptions& options) {
   std::optional<BeamUltrasound> coarse = averaged(*prepared.us, level.spacing_mm);
+  // Made here by all threads. A climb would make it in one of them, while the others wait.
+  if (packed && level.optimizer.method == OptimizerMethod::kGaussNewton) packed->gradient();
   return std::make_shared<SimilarityImages>(
       coarse ? std::make_shared<const BeamUltrasound>(std::move(*coarse)) : prepared.us,
       std::move(packed),

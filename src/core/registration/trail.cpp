@@ -10,6 +10,9 @@ using Eigen::Isometry3d;
 /// As many as the evidence compares a pose with.
 constexpr std::size_t kRivals = 3;
 
+/// Climbs from poses that are closer than this end alike: it is half a voxel of the deciding level.
+constexpr double kSameStartMm = 1.0;
+
 /// The decoy of the trail on new images; without a value if it has none there.
 Decoy follow_decoy(const Decoy& before, const Isometry3d& T_now_before, const Isometry3d& T_us_ct,
                    const SearchProblem& problem, const BeamGrid& beams, const LevelOptions& level,
@@ -20,8 +23,9 @@ Decoy follow_decoy(const Decoy& before, const Isometry3d& T_now_before, const Is
   const Isometry3d T_ct_us =
       before.best.T_us_ct.inverse() * before.T_mirror * T_now_before.inverse() * T_mirror.inverse();
   // If the ultrasound itself is mirrored now, its decoy fits where the ultrasound did before.
-  std::vector<Candidate> candidates{
-      {T_ct_us.inverse(), {}}, {T_us_ct, {}}, {problem.T_us_ct_initial, {}}};
+  std::vector<Candidate> candidates{{T_ct_us.inverse(), {}}, {T_us_ct, {}}};
+  if (problem.field.distance_mm(T_us_ct, problem.T_us_ct_initial) > kSameStartMm)
+    candidates.push_back({problem.T_us_ct_initial, {}});
   evaluate(similarity, candidates, run);
   climb(similarity, {level.optimizer, reach_mm, {}, problem.seed}, problem.field, candidates, run);
   sort_best_first(candidates, 1);
