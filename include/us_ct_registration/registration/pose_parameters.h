@@ -32,6 +32,9 @@ class PoseParameters {
   PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
                  const std::vector<Eigen::Vector3d>& points_us_mm);
 
+  /// The same numbers about another initial pose, which must be rigid and finite.
+  PoseParameters about(const Eigen::Isometry3d& T_us_ct_initial) const;
+
   Eigen::Isometry3d T_us_ct(const PoseVector& parameters) const;
   /// The derivative of the motion by the parameters: a small change x of them moves the points of
   /// the CT in the US frame by the rotation vector (rad) and the translation (mm) `derivative * x`,

@@ -78,23 +78,21 @@ class PatchComparison {
  public:
   PatchComparison(const ImagePyramid& images, const ConfidenceOptions& options,
                   const Candidate& best)
-      : similarity_(make_similarity(*images.levels.back().images, options.similarity)),
-        cluster_mm_(options.cluster_mm) {
+      : similarity_(make_similarity(*images.levels.back().images, options.similarity)) {
     if (!similarity_) return;
-    centres_us_mm_ = similarity_->part_centres_us_mm();
+    clusters_ = Clusters(similarity_->part_centres_us_mm(), options.cluster_mm);
     best_ = similarity_->parts(best.pose());
   }
-  bool is_possible() const { return !centres_us_mm_.empty(); }
+  bool is_possible() const { return clusters_.count() > 0; }
   /// Student's t of the best pose against a pose of the mirrored ultrasound.
   double advantage_over(const Candidate& other, const Eigen::Isometry3d& T_mirror) const {
     const MirroredSimilarity mirrored(*similarity_, T_mirror);
-    return paired_advantage(best_, mirrored.parts(other.pose()), centres_us_mm_, cluster_mm_);
+    return paired_advantage(best_, mirrored.parts(other.pose()), clusters_);
   }
 
  private:
   std::shared_ptr<const Similarity> similarity_;
-  double cluster_mm_;
-  std::vector<Vector3d> centres_us_mm_;
+  Clusters clusters_;
   std::vector<double> best_;
 };
 

@@ -21,8 +21,9 @@ void set_value(Candidate& candidate, const SimilarityValue& value) {
 /// The parameters of an optimizer: six of the pose, then the errors that are estimated.
 class Parameters {
  public:
-  Parameters(const Climb& how, const Candidate& from, const FieldPoints& field)
-      : how_(how), pose_(from.T_us_ct, field.us_mm()), from_(from) {}
+  /// `scaled`: parameters about any pose.
+  Parameters(const Climb& how, const Candidate& from, const PoseParameters& scaled)
+      : how_(how), pose_(scaled.about(from.T_us_ct)), from_(from) {}
 
   OptimizerProblem problem() const {
     const AcquisitionErrors& limits = how_.error_limits;
@@ -67,10 +68,10 @@ class Parameters {
   Candidate from_;
 };
 
-void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+void climb(const Similarity& similarity, const Climb& how, const PoseParameters& scaled,
            Candidate& candidate, Run& run) {
   if (!candidate.has_value()) return;  // without a value there is no slope to climb
-  const Parameters parameters(how, candidate, field);
+  const Parameters parameters(how, candidate, scaled);
   OptimizerProblem problem = parameters.problem();
   SimilarityValue best;  // of the first of the best poses, as the optimizer's result
   const auto cost_of = [&](const SimilarityValue& value) {
@@ -134,9 +135,11 @@ void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, 
 
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run) {
-  if (candidates.size() == 1) return climb(similarity, how, field, candidates.front(), run);
+  if (candidates.empty()) return;
+  const PoseParameters scaled(candidates.front().T_us_ct, field.us_mm());
+  if (candidates.size() == 1) return climb(similarity, how, scaled, candidates.front(), run);
   parallel_for(static_cast<int>(candidates.size()), [&](int i) {
-    climb(similarity, how, field, candidates[static_cast<std::size_t>(i)], run);
+    climb(similarity, how, scaled, candidates[static_cast<std::size_t>(i)], run);
   });
 }
 

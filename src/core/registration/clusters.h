@@ -10,6 +10,8 @@ namespace usct::registration {
 /// of neighbouring parts are not independent.
 class Clusters {
  public:
+  /// No cluster.
+  Clusters() = default;
   /// `centres_us_mm` are the positions of the parts, `edge_mm` is that of the cubes.
   Clusters(const std::vector<Eigen::Vector3d>& centres_us_mm, double edge_mm);
 

@@ -4,15 +4,13 @@
 #include <limits>
 #include <numeric>
 
-#include "registration/clusters.h"
-
 namespace usct::registration {
 
 double paired_advantage(const std::vector<double>& parts, const std::vector<double>& other,
-                        const std::vector<Eigen::Vector3d>& centres_us_mm, double cluster_mm) {
+                        const Clusters& clusters) {
   std::vector<double> differences;
   for (std::size_t i = 0; i < parts.size(); ++i) differences.push_back(parts[i] - other[i]);
-  const std::vector<double> sums = Clusters(centres_us_mm, cluster_mm).sums(differences);
+  const std::vector<double> sums = clusters.sums(differences);
   if (sums.size() < 2) return std::numeric_limits<double>::quiet_NaN();
   const auto count = static_cast<double>(sums.size());
   const double total = std::accumulate(sums.begin(), sums.end(), 0.0);

@@ -42,14 +42,18 @@ Eigen::Vector3d rotation_vector_of(const Eigen::Matrix3d& rotation) {
   return turn.angle() * turn.axis();
 }
 
+void require_initial(const Eigen::Isometry3d& T_us_ct_initial) {
+  require_rotation(T_us_ct_initial.linear(), "initial pose", "rotation");
+  if (!T_us_ct_initial.translation().allFinite())
+    throw InputError("initial pose", "'translation' is not finite");
+}
+
 }  // namespace
 
 PoseParameters::PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
                                const std::vector<Eigen::Vector3d>& points_us_mm)
     : T_us_ct_initial_(T_us_ct_initial) {
-  require_rotation(T_us_ct_initial.linear(), "initial pose", "rotation");
-  if (!T_us_ct_initial.translation().allFinite())
-    throw InputError("initial pose", "'translation' is not finite");
+  require_initial(T_us_ct_initial);
   const registration::Spread spread =
       registration::spread_of(points_us_mm, kLeastSpreadRatio, "points of the field of view");
   centre_us_mm_ = spread.centroid_mm;
@@ -59,6 +63,13 @@ PoseParameters::PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
       covariance.trace() * Eigen::Matrix3d::Identity() - covariance);
   rotation_scale_ = moments.operatorInverseSqrt();
   inverse_rotation_scale_ = moments.operatorSqrt();
+}
+
+PoseParameters PoseParameters::about(const Eigen::Isometry3d& T_us_ct_initial) const {
+  require_initial(T_us_ct_initial);
+  PoseParameters result = *this;
+  result.T_us_ct_initial_ = T_us_ct_initial;
+  return result;
 }
 
 Eigen::Isometry3d PoseParameters::T_us_ct(const PoseVector& parameters) const {
