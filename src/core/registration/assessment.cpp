@@ -277,16 +277,17 @@ void Assessor::compare_parts(const EvidenceImages& on, const Candidate& refined,
                              Run& run) const {
   const ConfidenceOptions& confidence = options_.confidence;
   const FieldPoints& field = on.images.prepared.field;
+  const std::vector<std::optional<HalfPoses>> found = poses_of_halves(
+      *on.images.levels.back().images, {confidence.similarity, confidence.ridge_similarity},
+      confidence.parts, refined.T_us_ct, field, run);
+  std::optional<double>* const moved_mm[] = {&result.measures.parts_mm,
+                                             &result.measures.ridge_parts_mm};
   std::vector<HalfPoses> halves;
-  const auto measure = [&](const SimilarityOptions& similarity, std::optional<double>& moved_mm) {
-    const std::optional<HalfPoses> found = poses_of_halves(
-        *on.images.levels.back().images, similarity, confidence.parts, refined.T_us_ct, field, run);
-    if (!found) return;
-    moved_mm = motion_mm(*found, refined.T_us_ct, field);
-    halves.push_back(*found);
-  };
-  measure(confidence.similarity, result.measures.parts_mm);
-  measure(confidence.ridge_similarity, result.measures.ridge_parts_mm);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!found[i]) continue;
+    *moved_mm[i] = motion_mm(*found[i], refined.T_us_ct, field);
+    halves.push_back(*found[i]);
+  }
   if (halves.empty()) return;
   const ErrorOptions& error = confidence.error;
   result.covariance = pose_covariance(halves, ultrasound_.beams, field.centre_us_mm(), error) +

@@ -1,5 +1,6 @@
 #include "registration/parts.h"
 
+#include <algorithm>
 #include <array>
 
 #include "parallel.h"
@@ -44,31 +45,48 @@ std::array<std::shared_ptr<BeamUltrasound>, 2> halves_of(const BeamUltrasound& u
   return halves;
 }
 
+/// The pose that one half leads to; without a value if it has nothing to explain.
+Candidate pose_of(SimilarityImages& half, const SimilarityOptions& similarity,
+                  const PartOptions& options, const Eigen::Isometry3d& T_us_ct,
+                  const FieldPoints& field, Run& run) {
+  const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
+  if (!part) return {};
+  std::vector<Candidate> climbed{{T_us_ct, {}}};
+  evaluate(*part, climbed, run);
+  climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
+  return climbed.front();
+}
+
 }  // namespace
 
-std::optional<HalfPoses> poses_of_halves(const SimilarityImages& images,
-                                         const SimilarityOptions& similarity,
-                                         const PartOptions& options,
-                                         const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
-                                         Run& run) {
+std::vector<std::optional<HalfPoses>> poses_of_halves(
+    const SimilarityImages& images, const std::vector<SimilarityOptions>& similarities,
+    const PartOptions& options, const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
+    Run& run) {
   std::vector<std::shared_ptr<BeamUltrasound>> halves;
   for (const Along along : {Along::kLines, Along::kFrames})
     for (auto& half : halves_of(images.ultrasound(), along)) halves.push_back(std::move(half));
-  std::vector<Candidate> found(halves.size());
+  const bool need_beams =
+      std::any_of(similarities.begin(), similarities.end(),
+                  [](const SimilarityOptions& one) { return needs_of(one).beams; });
+  // A half is cut into patches once for all similarities whose patches are alike.
+  std::vector<std::vector<Candidate>> found(similarities.size(),
+                                            std::vector<Candidate>(halves.size()));
   parallel_for(static_cast<int>(halves.size()), [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    SimilarityImages half(halves[at], images.packed_ct(), nullptr, needs_of(similarity).beams,
-                          images.backend());
-    const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
-    if (!part) return;
-    std::vector<Candidate> climbed{{T_us_ct, {}}};
-    evaluate(*part, climbed, run);
-    climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
-    found[at] = climbed.front();
+    SimilarityImages half(halves[at], images.packed_ct(), nullptr, need_beams, images.backend());
+    for (std::size_t s = 0; s < similarities.size(); ++s)
+      found[s][at] = pose_of(half, similarities[s], options, T_us_ct, field, run);
   });
-  for (const Candidate& candidate : found)
-    if (!candidate.has_value()) return std::nullopt;
-  return HalfPoses{found[0].T_us_ct, found[1].T_us_ct, found[2].T_us_ct, found[3].T_us_ct};
+  std::vector<std::optional<HalfPoses>> poses;
+  for (const std::vector<Candidate>& of : found) {
+    const bool all = std::all_of(of.begin(), of.end(),
+                                 [](const Candidate& candidate) { return candidate.has_value(); });
+    poses.push_back(
+        all ? std::optional(HalfPoses{of[0].T_us_ct, of[1].T_us_ct, of[2].T_us_ct, of[3].T_us_ct})
+            : std::nullopt);
+  }
+  return poses;
 }
 
 }  // namespace usct::registration

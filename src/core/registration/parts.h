@@ -20,12 +20,11 @@ struct HalfPoses {
   std::vector<Eigen::Isometry3d> all() const { return {left, right, first, last}; }
 };
 
-/// Climbs from the pose by a similarity on each half of the images. Unset if a half has nothing
-/// that the similarity could explain.
-std::optional<HalfPoses> poses_of_halves(const SimilarityImages& images,
-                                         const SimilarityOptions& similarity,
-                                         const PartOptions& options,
-                                         const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
-                                         Run& run);
+/// Climbs from the pose on each half of the images, by each of the similarities for itself: an
+/// entry for each. Unset if a half has nothing that the similarity could explain.
+std::vector<std::optional<HalfPoses>> poses_of_halves(
+    const SimilarityImages& images, const std::vector<SimilarityOptions>& similarities,
+    const PartOptions& options, const Eigen::Isometry3d& T_us_ct, const FieldPoints& field,
+    Run& run);
 
 }  // namespace usct::registration

@@ -92,7 +92,7 @@ RegistrationOptions::RegistrationOptions() {
   refinement = patient_refinement();
   confidence.similarity = patient_evidence(false);
   confidence.ridge_similarity = patient_evidence(true);
-  confidence.parts.optimizer = climb_by(OptimizerMethod::kBobyqa, 1.0, 0.2);
+  confidence.parts.optimizer = climb_by(OptimizerMethod::kGaussNewton, 1.0, 0.2);
 }
 
 void ClimbOptions::validate(const std::string& source) const {

@@ -114,7 +114,7 @@ TEST(Gates, Overlap) {
 TEST(Gates, ARegistrationWithoutEvidenceIsRefusedUnlessTheGateIsOff) {
   const std::string no_parts =
       "similarity: {kind: ncc, patches: {depth_mm: 6, lateral_mm: 8, elevation_mm: 8, "
-      "least_share: 0.5, samples: all}}";
+      "least_share: 0.5, samples: all}}, parts: {optimizer: {method: bobyqa}}";
   expect_refused(with_options("confidence: {" + no_parts + "}\n"),
                  RegistrationStatus::kLowConfidence,
                  {"wrong_probability was not measured", "no evidence"});

@@ -63,8 +63,9 @@ std::optional<HalfPoses> halves_of(const BeamUltrasound& us,
   options.reach_mm = 10.0;
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return registration::poses_of_halves(images, similarity, options, Isometry3d::Identity(), field(),
-                                       run);
+  return registration::poses_of_halves(images, {similarity}, options, Isometry3d::Identity(),
+                                       field(), run)
+      .front();
 }
 
 constexpr double kFoundMm = 0.1;
@@ -111,6 +112,39 @@ TEST(Parts, GaussNewtonFindsThePosesOfHalves) {
   ASSERT_TRUE(halves);
   EXPECT_LT(field().distance_mm(halves->left, kOne), kFoundMm);
   EXPECT_LT(field().distance_mm(halves->right, kOther), kFoundMm);
+}
+
+/// Each similarity has its own poses, whatever the order.
+TEST(Parts, EachSimilarityClimbsForItself) {
+  const SimilarityImages images(
+      std::make_shared<const BeamUltrasound>(seen([](int, int) { return kOne; })),
+      pack_ct(ct(), kWindow, kBackgroundHu), nullptr);
+  LocalLc2Options fine;
+  fine.patches = cubes(7.0);
+  // A ridge that outweighs everything leaves nothing to climb.
+  LocalLc2Options flat = fine;
+  flat.ridge_intensity_hu = flat.ridge_gradient_hu_per_mm = 1e9;
+  PartOptions options;
+  options.optimizer.max_evaluations = 500;
+  options.optimizer.step_tolerance = 0.01;
+  options.optimizer.initial_step = 1.0;
+  options.reach_mm = 10.0;
+  const RegistrationHooks hooks;
+  registration::Run run(hooks);
+  for (const bool fine_first : {true, false}) {
+    const std::vector<SimilarityOptions> both = fine_first
+                                                    ? std::vector<SimilarityOptions>{fine, flat}
+                                                    : std::vector<SimilarityOptions>{flat, fine};
+    const auto poses =
+        registration::poses_of_halves(images, both, options, Isometry3d::Identity(), field(), run);
+    ASSERT_EQ(poses.size(), 2U);
+    const auto& of_fine = poses[fine_first ? 0 : 1];
+    ASSERT_TRUE(of_fine);
+    for (const Isometry3d& T_us_ct : of_fine->all())
+      EXPECT_LT(field().distance_mm(T_us_ct, kOne), kFoundMm);
+    const auto& of_flat = poses[fine_first ? 1 : 0];
+    EXPECT_TRUE(!of_flat || field().distance_mm(of_flat->left, kOne) > kFoundMm);
+  }
 }
 
 TEST(Parts, AHalfWithoutStructureSaysNothing) {
