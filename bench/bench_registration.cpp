@@ -53,6 +53,39 @@ void forget_peak_memory() {
 
 enum class Ct { kAsItIs, kPrepared };
 
+/// What registrations took and how exact they were, for the counters.
+class Tally {
+ public:
+  explicit Tally(const PhantomCase& phantom) : phantom_(phantom) {}
+
+  /// A start beside the truth, in another direction each time.
+  Eigen::Isometry3d next_start(double displacement_mm, double most_rad) {
+    return random_motion(++runs_, phantom_.truth.targets_us_mm, displacement_mm, most_rad) *
+           phantom_.truth.T_us_ct;
+  }
+  void add(const RegistrationResult& result, bool counts) {
+    for (const auto& [step, taken] : result.seconds) seconds_[step] += taken;
+    if (!counts) return;
+    counted_ += 1.0;
+    tre_mm_ +=
+        evaluate_targets(*result.T_us_ct, phantom_.truth.T_us_ct, phantom_.truth.targets_us_mm)
+            .mean_mm;
+  }
+  void write(benchmark::State& state, const char* counted) const {
+    state.counters[counted] = counted_ / static_cast<double>(runs_);
+    state.counters["tre_mm"] = tre_mm_ / counted_;
+    for (const auto& [step, taken] : seconds_)
+      state.counters[step + "_ms"] = 1000.0 * taken / static_cast<double>(runs_);
+  }
+
+ private:
+  const PhantomCase& phantom_;
+  std::map<std::string, double> seconds_;
+  double tre_mm_ = 0.0;
+  double counted_ = 0.0;
+  std::uint64_t runs_ = 0;
+};
+
 /// One registration per iteration, from a start 10 mm off, in another direction each time.
 void registration(benchmark::State& state, const char* preset_name, SceneKind scene,
                   const Eigen::Vector3i& ct_size, Ct kind = Ct::kAsItIs) {
@@ -68,30 +101,18 @@ void registration(benchmark::State& state, const char* preset_name, SceneKind sc
                                               : std::make_unique<PreparedCt>(ct);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
   forget_peak_memory();
-  std::map<std::string, double> seconds;
-  double tre_mm = 0.0;
-  double registered = 0.0;
-  std::uint64_t seed = 0;
+  Tally tally(phantom);
   for (auto _ : state) {
-    const Eigen::Isometry3d motion =
-        random_motion(++seed, phantom.truth.targets_us_mm, kDisplacementMm, kMaxRotationRad);
-    const RegistrationResult result =
-        register_ultrasound(us, *prepared, motion * phantom.truth.T_us_ct, options);
-    for (const auto& [stage, taken] : result.seconds) seconds[stage] += taken;
-    if (!result.T_us_ct) continue;
-    registered += 1.0;
-    tre_mm += evaluate_targets(*result.T_us_ct, phantom.truth.T_us_ct, phantom.truth.targets_us_mm)
-                  .mean_mm;
+    const RegistrationResult result = register_ultrasound(
+        us, *prepared, tally.next_start(kDisplacementMm, kMaxRotationRad), options);
+    tally.add(result, result.T_us_ct.has_value());
   }
   finish(state, static_cast<std::int64_t>(us.brightness.size()));
   if (kind == Ct::kPrepared) {
     state.counters["preparation_ms"] = took.count();
     state.counters["prepared_MiB"] = static_cast<double>(prepared->bytes()) / (1 << 20);
   }
-  state.counters["registered"] = registered / static_cast<double>(seed);
-  state.counters["tre_mm"] = tre_mm / registered;
-  for (const auto& [stage, taken] : seconds)
-    state.counters[stage + "_ms"] = 1000.0 * taken / static_cast<double>(seed);
+  tally.write(state, "registered");
 }
 
 /// One tracked registration per iteration, from a pose that is a little off; CT prepared.
@@ -106,25 +127,14 @@ void tracking(benchmark::State& state, const char* preset_name, SceneKind scene)
   RegistrationTracker tracker(options, {std::numeric_limits<int>::max()});
   if (!tracker.next(us, ct, phantom.truth.T_us_ct).T_us_ct) return state.SkipWithError("refused");
   forget_peak_memory();
-  std::map<std::string, double> seconds;
-  double tre_mm = 0.0;
-  double tracked = 0.0;
-  std::uint64_t seed = 0;
+  Tally tally(phantom);
   for (auto _ : state) {
-    const Eigen::Isometry3d motion =
-        random_motion(++seed, phantom.truth.targets_us_mm, kMovedMm, kMaxRotationRad);
-    const RegistrationResult result = tracker.next(us, ct, motion * phantom.truth.T_us_ct);
-    for (const auto& [stage, taken] : result.seconds) seconds[stage] += taken;
-    if (!result.T_us_ct || result.seconds.count("search") != 0) continue;
-    tracked += 1.0;
-    tre_mm += evaluate_targets(*result.T_us_ct, phantom.truth.T_us_ct, phantom.truth.targets_us_mm)
-                  .mean_mm;
+    const RegistrationResult result =
+        tracker.next(us, ct, tally.next_start(kMovedMm, kMaxRotationRad));
+    tally.add(result, result.T_us_ct && result.seconds.count("search") == 0);
   }
   finish(state, static_cast<std::int64_t>(us.brightness.size()));
-  state.counters["tracked"] = tracked / static_cast<double>(seed);
-  state.counters["tre_mm"] = tre_mm / tracked;
-  for (const auto& [stage, taken] : seconds)
-    state.counters[stage + "_ms"] = 1000.0 * taken / static_cast<double>(seed);
+  tally.write(state, "tracked");
 }
 
 const Eigen::Vector3i kUsual(320, 220, 110);

@@ -48,6 +48,16 @@ FieldPoints field() {
   return FieldPoints(points);
 }
 
+PartOptions climbing_by(OptimizerMethod method) {
+  PartOptions options;
+  options.optimizer.method = method;
+  options.optimizer.max_evaluations = 500;
+  options.optimizer.initial_step = 1.0;
+  options.optimizer.step_tolerance = 0.01;
+  options.reach_mm = 10.0;
+  return options;
+}
+
 /// The poses of the halves, from the identity, which lies between the poses of the images.
 std::optional<HalfPoses> halves_of(const BeamUltrasound& us,
                                    OptimizerMethod method = OptimizerMethod::kBobyqa) {
@@ -55,16 +65,10 @@ std::optional<HalfPoses> halves_of(const BeamUltrasound& us,
                                 pack_ct(ct(), kWindow, kBackgroundHu), nullptr);
   LocalLc2Options similarity;
   similarity.patches = cubes(7.0);
-  PartOptions options;
-  options.optimizer.method = method;
-  options.optimizer.max_evaluations = 500;
-  options.optimizer.initial_step = 1.0;
-  options.optimizer.step_tolerance = 0.01;
-  options.reach_mm = 10.0;
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return registration::poses_of_halves(images, {similarity}, options, Isometry3d::Identity(),
-                                       field(), run)
+  return registration::poses_of_halves(images, {similarity}, climbing_by(method),
+                                       Isometry3d::Identity(), field(), run)
       .front();
 }
 
@@ -124,11 +128,7 @@ TEST(Parts, EachSimilarityClimbsForItself) {
   // A ridge that outweighs everything leaves nothing to climb.
   LocalLc2Options flat = fine;
   flat.ridge_intensity_hu = flat.ridge_gradient_hu_per_mm = 1e9;
-  PartOptions options;
-  options.optimizer.max_evaluations = 500;
-  options.optimizer.step_tolerance = 0.01;
-  options.optimizer.initial_step = 1.0;
-  options.reach_mm = 10.0;
+  const PartOptions options = climbing_by(OptimizerMethod::kBobyqa);
   const RegistrationHooks hooks;
   registration::Run run(hooks);
   for (const bool fine_first : {true, false}) {
