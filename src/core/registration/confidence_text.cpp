@@ -40,8 +40,8 @@ std::string evidence_text(const Measures& m) {
          line("comparison with mirrored ultrasound", right->mirrors,
               formatted(
                   "the pose has %.2f times the similarity that its best mirror image reaches, "
-                  "with lines or frames in reverse order or axes of the CT exchanged (patch by "
-                  "patch: t = %.1f)",
+                  "with lines or frames in reverse order, or axes of the CT reversed or exchanged "
+                  "(patch by patch: t = %.1f)",
                   *m.mirror_ratio, *m.mirror_advantage),
               "check which way round the probe was held, the order of lines and frames, and "
               "whether the CT is mirrored or its axes are exchanged; if the anatomy in view is "
