@@ -33,9 +33,9 @@ struct ClimbOptions {
 /// One level of the search. Its candidates are the starts or the optima of the level before; the
 /// best candidates are optimised, and the best distinct optima go to the next level.
 struct LevelOptions : ClimbOptions {
-  /// Where a level has more candidates than this number, a quarter of the samples chooses this many
-  /// of them, and all samples compare only these; >= optimised. Unset: all samples compare all
-  /// candidates.
+  /// If a level has more candidates than this number, they are first compared by a quarter of the
+  /// samples. The best ones, as many as this number, are then compared by all samples; >=
+  /// optimised. Unset: all candidates are compared by all samples.
   std::optional<int> screened;
   /// Number of candidates that are optimised, best first; >= 1.
   int optimised = 1;

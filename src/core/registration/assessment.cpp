@@ -103,7 +103,8 @@ bool may_be_missed(const Assessment& assessment) {
   constexpr double kMirrorSure = -4.0;
   if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
     return false;
-  // What mirror images reach says whether to believe a pose, and not whether there is a better one.
+  // Mirror images say whether a pose should be believed. They do not say whether a better pose
+  // exists, so they do not count here.
   Measures firm = measures;
   firm.mirror_ratio = firm.mirror_advantage = std::numeric_limits<double>::infinity();
   const std::optional<RightProbability> right = right_probability(firm);
