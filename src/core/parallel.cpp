@@ -16,7 +16,7 @@ namespace {
 thread_local int threads_of_loops = 0;  // 0: one for each processor
 thread_local bool is_in_body = false;
 
-/// While it lives, loops of its thread run on that thread alone.
+/// While it lives, its thread runs the body of a loop that threads share.
 class InBody {
  public:
   InBody() : before_(std::exchange(is_in_body, true)) {}
@@ -28,28 +28,31 @@ class InBody {
   bool before_;
 };
 
+void share(int count, const std::function<void(int)>& body) {
+  tbb::parallel_for(
+      0, count,
+      [&](int i) {
+        const InBody scope;
+        body(i);
+      },
+      tbb::simple_partitioner());
+}
+
 void run_loop(int count, const std::function<void(int)>& body) {
-  const int threads = is_in_body ? 1 : std::min({count, thread_count(), processor_count()});
-  if (threads <= 1) {
-    const InBody scope;
+  const int threads = std::min(thread_count(), processor_count());
+  if (count <= 1 || threads <= 1) {
     for (int i = 0; i < count; ++i) body(i);
     return;
   }
-  const auto share = [&] {
-    tbb::parallel_for(
-        0, count,
-        [&](int i) {
-          const InBody scope;
-          body(i);
-        },
-        tbb::simple_partitioner());
-  };
+  // The threads of the loop around share this one too. While a thread waits here, it must not begin
+  // another body of the loop around: it may hold a lock, or be half-way through shared memory.
+  if (is_in_body) return tbb::this_task_arena::isolate([&] { share(count, body); });
   // The calling thread's own arena has a place for each processor; fewer need an arena of their
   // own, which takes some time to make.
-  if (thread_count() >= processor_count())
-    share();
+  if (threads == processor_count())
+    share(count, body);
   else
-    tbb::task_arena(threads).execute(share);
+    tbb::task_arena(threads).execute([&] { share(count, body); });
 }
 
 }  // namespace

@@ -13,7 +13,8 @@ namespace usct {
 
 /// Runs `body(i)` for i in [0, count) on at most `thread_count()` threads, the calling one among
 /// them. The order is not fixed, so each body must write to memory of its own; the result then does
-/// not depend on the number of threads. A loop within a body runs on the thread of that body.
+/// not depend on the number of threads. The threads of a loop also share the loops within its
+/// bodies, so that none waits while another one has a long body to run.
 ///
 /// The threads are those of oneTBB. They sleep while they wait, and the caller waits only for
 /// bodies that have begun: on a busy machine it does the work of threads that do not get a

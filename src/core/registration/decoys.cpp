@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 
+#include "parallel.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::registration {
@@ -68,8 +69,10 @@ std::vector<Decoy> found(std::vector<Decoy> decoys, const SearchProblem& problem
                          const Isometry3d& T_us_ct_found, const DecoyOptions& options, int rounds,
                          Run& run) {
   const SearchOptions search = decoy_search(problem.options, options);
-  for (Decoy& decoy : decoys)
+  parallel_for(static_cast<int>(decoys.size()), [&](int i) {
+    Decoy& decoy = decoys[static_cast<std::size_t>(i)];
     decoy.best = best_of(problem, search, decoy.T_mirror, T_us_ct_found, rounds, run);
+  });
   decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
                               [](const Decoy& decoy) { return !decoy.best.has_value(); }),
                decoys.end());

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <future>
 #include <mutex>
@@ -59,17 +60,41 @@ TEST(ParallelFor, WhatTheBodyThrowsReachesTheCaller) {
     }
 }
 
-TEST(ParallelFor, LoopWithinABodyRunsOnTheThreadOfThatBody) {
-  const ThreadCount scope(3);
-  std::vector<std::vector<int>> runs(30);
-  std::atomic<int> elsewhere{0};
-  parallel_for(static_cast<int>(runs.size()), [&](int i) {
-    const std::thread::id own = std::this_thread::get_id();
-    parallel_for(kCount, [&](int) { elsewhere += std::this_thread::get_id() != own; });
-    runs[static_cast<std::size_t>(i)] = runs_of(kCount);
+TEST(ParallelFor, ThreadsShareALoopWithinABody) {
+  std::mutex mutex;
+  std::set<std::thread::id> seen;
+  parallel_for(2, [&](int outer) {
+    if (outer == 1) return;  // the thread of this body has nothing else to do
+    parallel_for(kCount, [&](int) {
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+      const std::lock_guard<std::mutex> lock(mutex);
+      seen.insert(std::this_thread::get_id());
+    });
   });
-  EXPECT_EQ(elsewhere, 0);
-  for (const std::vector<int>& of_one : runs) EXPECT_EQ(of_one, std::vector<int>(kCount, 1));
+  EXPECT_EQ(seen.size() > 1, processor_count() > 1);
+}
+
+TEST(ParallelFor, LoopsWithinBodiesRunEachOnce) {
+  for (const int threads : {1, 2, 3}) {
+    const ThreadCount scope(threads);
+    std::vector<std::vector<int>> runs(30);
+    parallel_for(static_cast<int>(runs.size()),
+                 [&](int i) { runs[static_cast<std::size_t>(i)] = runs_of(kCount); });
+    for (const std::vector<int>& of_one : runs) EXPECT_EQ(of_one, std::vector<int>(kCount, 1));
+  }
+}
+
+thread_local int bodies_under_way = 0;
+
+/// A thread may hold a lock while it waits for a loop within its body.
+TEST(ParallelFor, AThreadThatWaitsWithinABodyBeginsNoOther) {
+  std::atomic<int> begun_within{0};
+  parallel_for(100, [&](int) {
+    if (bodies_under_way++ != 0) ++begun_within;
+    parallel_for(8, [](int) { std::this_thread::sleep_for(std::chrono::microseconds(100)); });
+    --bodies_under_way;
+  });
+  EXPECT_EQ(begun_within, 0);
 }
 
 TEST(ParallelFor, LoopsOfSeveralCallersRunBesideEachOther) {
