@@ -57,6 +57,9 @@ struct Measures {
   /// wish: near 1 if all do, about 0 or less if their wishes have nothing to do with the pose nor
   /// with each other.
   std::optional<double> local_agreement;
+  /// The same of the mirrored ultrasound that reaches most, with its patches where they fit best.
+  /// It is taken where the other evidence leaves doubt, and makes a difference.
+  std::optional<double> mirror_agreement;
   /// About how far tissue near the middle of the field has moved relative to the pose, root mean
   /// square, mm: the translations that clusters there wish together with their neighbours.
   std::optional<double> tissue_motion_mm;

@@ -102,12 +102,15 @@ struct RefinementOptions : ClimbOptions {
 /// The images and the search that the evidence is gathered with.
 enum class EvidenceSource {
   kOwn,      // those of the registration: its similarities must be 0 by chance, and not negative
+  kOwnFirst,  // the same, and those of the preset `patient` where they leave doubt
   kPatient,  // those of the preset `patient`, whatever found the pose
 };
 
 constexpr auto words_of(EvidenceSource) {
-  return std::array<std::pair<EvidenceSource, const char*>, 2>{
-      {{EvidenceSource::kOwn, "own"}, {EvidenceSource::kPatient, "patient"}}};
+  return std::array<std::pair<EvidenceSource, const char*>, 3>{
+      {{EvidenceSource::kOwn, "own"},
+       {EvidenceSource::kOwnFirst, "own_first"},
+       {EvidenceSource::kPatient, "patient"}}};
 }
 
 /// The search for mirrored ultrasound. It differs from that for the ultrasound at the deciding

@@ -31,6 +31,14 @@ std::string expected_error(const Measures& m) {
   return words + "\n";
 }
 
+std::string agreement_of_mirrors(const Measures& m) {
+  if (!m.mirror_agreement) return "";
+  return formatted(
+      "; small blocks of the field of view agree with the pose by %.2f, and with a mirror image by "
+      "%.2f at most",
+      *m.local_agreement, *m.mirror_agreement);
+}
+
 }  // namespace
 
 std::string evidence_text(const Measures& m) {
@@ -42,7 +50,8 @@ std::string evidence_text(const Measures& m) {
                   "the pose has %.2f times the similarity that its best mirror image reaches, "
                   "with lines or frames in reverse order, or axes of the CT reversed or exchanged "
                   "(patch by patch: t = %.1f)",
-                  *m.mirror_ratio, *m.mirror_advantage),
+                  *m.mirror_ratio, *m.mirror_advantage) +
+                  agreement_of_mirrors(m),
               "check which way round the probe was held, the order of lines and frames, and "
               "whether the CT is mirrored or its axes are exchanged; if the anatomy in view is "
               "symmetric, a larger field of "

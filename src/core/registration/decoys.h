@@ -42,6 +42,10 @@ class MirroredSimilarity final : public Similarity {
   std::vector<double> parts(const SimilarityPose& pose) const override {
     return original_.parts(mirrored(pose));
   }
+  /// Parts lie where they lie in the ultrasound as it was recorded.
+  std::vector<Eigen::Vector3d> part_centres_us_mm() const override {
+    return original_.part_centres_us_mm();
+  }
 
  private:
   SimilarityPose mirrored(const SimilarityPose& pose) const {

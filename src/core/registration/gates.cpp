@@ -53,6 +53,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"parts_mm", &Measures::parts_mm},
       {"ridge_parts_mm", &Measures::ridge_parts_mm},
       {"local_agreement", &Measures::local_agreement},
+      {"mirror_agreement", &Measures::mirror_agreement},
       {"tissue_motion_mm", &Measures::tissue_motion_mm},
       {"wrong_probability", &Measures::wrong_probability},
       {"expected_error_mm", &Measures::expected_error_mm},

@@ -65,7 +65,7 @@ Outcome<Judged> Pipeline::judged(Assessor& assessor, std::vector<Candidate>& opt
                                  const Assessment& compared, int rounds) {
   const Outcome<Candidate> refined = refine(images_, ct_, optima.front(), options_, run_);
   if (!refined) return refined.refusal();
-  if (assessor.gathers(EvidenceSource::kOwn) && has_left(optima.front(), *refined)) {
+  if (assessor.gathers_own() && has_left(optima.front(), *refined)) {
     const Candidate reached = run_.timed("search", [&] {
       return optimum_near(problem_, refined->T_us_ct, options_.confidence.rival_mm, run_);
     });
@@ -98,14 +98,13 @@ Outcome<Judged> Pipeline::judged_again(Assessor& assessor, const std::vector<Can
 
 std::optional<Trail> Pipeline::trail(const Assessor& assessor, const std::vector<Candidate>& optima,
                                      const Judged& accepted) const {
-  if (options_.confidence.evidence != EvidenceSource::kOwn || !assessor.decoys())
-    return std::nullopt;
+  if (!assessor.gathers_own() || !assessor.decoys()) return std::nullopt;
   return trail_of(accepted.refined, *assessor.decoys(), optima, options_.confidence.rival_mm,
                   problem_.field);
 }
 
 Outcome<PipelineResult> Pipeline::search() {
-  Assessor assessor(us_, ct_.ct(), images_, problem_, options_);
+  Assessor assessor(us_, ct_, images_, problem_, options_);
   std::vector<Candidate> optima;
   for (int round = 0;; ++round) {
     optima =
@@ -135,7 +134,7 @@ std::optional<PipelineResult> Pipeline::tracked(const Trail& trail, double reach
     return follow(trail, problem_, images_.prepared.us->beams, options_.confidence, run_);
   });
   if (!followed) return std::nullopt;
-  Assessor assessor(us_, ct_.ct(), images_, problem_, options_);
+  Assessor assessor(us_, ct_, images_, problem_, options_);
   assessor.take_over(followed->decoys);
   const Assessment compared =
       run_.timed("confidence", [&] { return assessor.compare(followed->optima, run_); });

@@ -42,21 +42,38 @@ constexpr double kMostChanceBesideAnatomy = 1.0;
 /// Poses farther off are wrong.
 constexpr double kWrongMm = 5.0;
 
-/// The comparison with mirror images, within the range in which the calibration has seen it.
+/// The comparison with mirror images, within the range in which the calibration has seen it. The
+/// last one is by how much more clusters agree with the pose than those of any mirror image.
 struct MirrorComparison {
   double log_ratio;
   double advantage;
+  std::optional<double> agreement;
 };
 MirrorComparison mirror_comparison(const Measures& m) {
-  return {log_within(*m.mirror_ratio, 0.7, 2.5), std::clamp(*m.mirror_advantage, -3.0, 6.0)};
+  MirrorComparison compared{
+      log_within(*m.mirror_ratio, 0.7, 2.5), std::clamp(*m.mirror_advantage, -3.0, 6.0), {}};
+  if (m.mirror_agreement)
+    compared.agreement = std::clamp(*m.local_agreement - *m.mirror_agreement, -0.3, 0.3);
+  return compared;
+}
+
+/// The log odds that the ultrasound is not one of its mirror images. Where these fit almost as
+/// well, agreement can still tell them apart.
+double mirrors_log_odds(const MirrorComparison& mirrors) {
+  const double by_fit = -0.8 + 4.0 * mirrors.log_ratio + 1.55 * mirrors.advantage;
+  if (!mirrors.agreement) return by_fit;
+  return std::max(by_fit, -3.0 + 0.9 * mirrors.advantage + 40.0 * *mirrors.agreement);
 }
 
 /// The log odds that the CT shows the anatomy that is in the ultrasound, and not a like one.
-double anatomy_log_odds(const Measures& m) {
-  const MirrorComparison mirrors = mirror_comparison(m);
-  const double together = -11.3 + 30.0 * *m.local_agreement - 2.75 * *m.tissue_motion_mm +
-                          4.6 * mirrors.log_ratio + 1.8 * mirrors.advantage;
-  const double blocks = kPerTooLittleAgreement * (*m.local_agreement - kLeastAgreement);
+double anatomy_log_odds(const Measures& m, const MirrorComparison& mirrors) {
+  const double agreement = *m.local_agreement;
+  const double together = mirrors.agreement
+                              ? 1.8 + 3.5 * agreement - 3.3 * *m.tissue_motion_mm +
+                                    0.2 * mirrors.advantage + 32.0 * *mirrors.agreement
+                              : -11.3 + 30.0 * agreement - 2.75 * *m.tissue_motion_mm +
+                                    4.6 * mirrors.log_ratio + 1.8 * mirrors.advantage;
+  const double blocks = kPerTooLittleAgreement * (agreement - kLeastAgreement);
   const double torn = kTornPerMm * std::clamp(*m.parts_mm - kTornMm, 0.0, kMostTornMm);
   return std::min({together, blocks, kMostAnatomyOdds}) - torn;
 }
@@ -81,15 +98,16 @@ std::optional<RightProbability> right_probability(const Measures& m) {
        {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.rival_ratio, m.rival_advantage,
         m.parts_mm, m.local_agreement, m.tissue_motion_mm})
     if (!value || std::isnan(*value)) return std::nullopt;
-  if (m.expected_error_mm && std::isnan(*m.expected_error_mm)) return std::nullopt;
+  for (const std::optional<double>& value : {m.expected_error_mm, m.mirror_agreement})
+    if (value && std::isnan(*value)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   const MirrorComparison mirrors = mirror_comparison(m);
   RightProbability right;
-  right.mirrors = logistic(-0.8 + 4.0 * mirrors.log_ratio + 1.55 * mirrors.advantage);
+  right.mirrors = logistic(mirrors_log_odds(mirrors));
   right.chance = logistic(
       std::min(kMostChanceOdds, -4.0 + 5.3 * log_within(*m.rival_ratio, 0.7, 3.0) +
                                     0.7 * std::clamp(*m.rival_advantage, -3.0, 6.0) - far));
-  right.anatomy = logistic(anatomy_log_odds(m));
+  right.anatomy = logistic(anatomy_log_odds(m, mirrors));
   if (m.expected_error_mm) right.near = probability_near(*m.expected_error_mm);
   return right;
 }

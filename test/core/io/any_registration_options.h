@@ -244,7 +244,7 @@ inline void randomise(ConfidenceOptions& o) {
   auto& [gates, source, rival_mm, decoys, similarity, ridge_similarity, cluster_mm, step_mm, parts,
          error] = o;
   randomise(gates);
-  source = one_of({EvidenceSource::kOwn, EvidenceSource::kPatient});
+  source = one_of({EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient});
   rival_mm = between(0, 30);
   randomise(decoys);
   randomise(similarity);

@@ -288,7 +288,7 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
   expect_refused("preset: patient\nconfidence: {gates: {max_scatter_mm: 0.5}}\n",
                  {"'confidence.gates.max_scatter_mm' is unknown"});
   expect_refused("preset: patient\nconfidence: {evidence: mine}\n",
-                 {"'confidence.evidence' is 'mine'", "own, patient"});
+                 {"'confidence.evidence' is 'mine'", "own, own_first, patient"});
   expect_refused("preset: thesis_b\nrefinement:\n  spacing_mm: none\n  similarity:\n" +
                      simulated_similarity() +
                      "  optimizer: {method: bobyqa, max_evaluations: 9, initial_step: 1, "

@@ -115,7 +115,7 @@ TEST(Gates, ARegistrationWithoutEvidenceIsRefusedUnlessTheGateIsOff) {
   const std::string no_parts =
       "similarity: {kind: ncc, patches: {depth_mm: 6, lateral_mm: 8, elevation_mm: 8, "
       "least_share: 0.5, samples: all}}, parts: {optimizer: {method: bobyqa}}";
-  expect_refused(with_options("confidence: {" + no_parts + "}\n"),
+  expect_refused(with_options("confidence: {evidence: own, " + no_parts + "}\n"),
                  RegistrationStatus::kLowConfidence,
                  {"wrong_probability was not measured", "no evidence"});
   const RegistrationResult result =

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/geometry/random_geometry.h"
+#include "core/registration/wishes.h"
 #include "registration/clusters.h"
 #include "registration/local_agreement.h"
 
@@ -16,42 +17,6 @@ using Eigen::Vector3d;
 using registration::Clusters;
 using registration::local_agreement;
 using registration::LocalAgreement;
-
-constexpr double kClusterMm = 10.0;
-constexpr double kStepMm = 4.0;
-
-/// A part in each of some clusters of 10 mm, and the place at which it would rather lie: its
-/// contribution falls with the distance from there.
-class Wishes final : public Similarity {
- public:
-  explicit Wishes(std::vector<Vector3d> wished_mm) : wished_mm_(std::move(wished_mm)) {}
-
-  using Similarity::evaluate;
-  void evaluate(const SimilarityPose* /*poses*/, std::size_t /*count*/, SimilarityValue* /*values*/,
-                const Check& /*check*/) const override {}
-  std::vector<double> parts(const SimilarityPose& pose) const override {
-    const Vector3d moved_mm = pose.T_ct_us.inverse().translation();
-    std::vector<double> result;
-    for (const Vector3d& wished : wished_mm_)
-      result.push_back(scale_ * std::exp(-(moved_mm - wished).norm() / kStepMm));
-    return result;
-  }
-  std::vector<Vector3d> part_centres_us_mm() const override {
-    std::vector<Vector3d> centres;
-    for (std::size_t i = 0; i < wished_mm_.size(); ++i)
-      centres.emplace_back(kClusterMm * (static_cast<double>(i) + 0.5), 5.0, 5.0);
-    return centres;
-  }
-  Wishes times(double scale) const {
-    Wishes result = *this;
-    result.scale_ = scale;
-    return result;
-  }
-
- private:
-  std::vector<Vector3d> wished_mm_;
-  double scale_ = 1.0;
-};
 
 /// Tissue counts as near within so much of the middle of the first cluster.
 std::optional<LocalAgreement> agreement_of(const Similarity& similarity,
@@ -66,9 +31,6 @@ std::optional<LocalAgreement> agreement_of(const Similarity& similarity,
 double agreement(const Similarity& similarity, const Isometry3d& T_us_ct = Isometry3d::Identity()) {
   return agreement_of(similarity, T_us_ct).value().share;
 }
-
-/// The share that chance makes up among so many clusters.
-double by_chance(int clusters) { return 1.0 / std::sqrt(clusters); }
 
 Isometry3d shift(const Vector3d& shift_mm) { return Isometry3d(Eigen::Translation3d(shift_mm)); }
 

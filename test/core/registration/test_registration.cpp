@@ -268,9 +268,35 @@ TEST(Registration, ThesisVariantBRunsAndIsJudgedLikeEveryPreset) {
   EXPECT_TRUE(result.covariance);
 }
 
+/// The measures of a right pose of `quick_options`, which is beyond doubt below a tenth of the
+/// limit.
+Measures judged_by(EvidenceSource source, double limit) {
+  RegistrationOptions options = quick_options();
+  options.confidence.evidence = source;
+  options.confidence.gates.max_wrong_probability = limit;
+  return registered(agar_case(), nearby(agar_case()), options).measures;
+}
+
+TEST(Registration, APoseThatItsOwnEvidenceLeavesInDoubtIsJudgedAsPatientJudgesIt) {
+  constexpr double kLowLimit = 0.1;
+  const Measures own = judged_by(EvidenceSource::kOwn, kLowLimit);
+  EXPECT_GT(own.wrong_probability.value(), 0.1 * kLowLimit);
+  const Measures as_patient = judged_by(EvidenceSource::kPatient, kLowLimit);
+  EXPECT_NE(own.mirror_ratio, as_patient.mirror_ratio);
+  EXPECT_NE(own.local_agreement, as_patient.local_agreement);
+  const Measures in_doubt = judged_by(EvidenceSource::kOwnFirst, kLowLimit);
+  EXPECT_EQ(in_doubt.mirror_ratio, as_patient.mirror_ratio);
+  EXPECT_EQ(in_doubt.local_agreement, as_patient.local_agreement);
+  EXPECT_EQ(in_doubt.wrong_probability, as_patient.wrong_probability);
+  const Measures beyond_doubt = judged_by(EvidenceSource::kOwnFirst, 1.0);
+  EXPECT_EQ(beyond_doubt.mirror_ratio, own.mirror_ratio);
+  EXPECT_EQ(beyond_doubt.local_agreement, own.local_agreement);
+}
+
 RegistrationResult in_rounds(int most, const RegistrationCase& images) {
   RegistrationOptions options = quick_options();
   options.search.rounds.most = most;
+  options.confidence.evidence = EvidenceSource::kOwn;
   return registered(images, nearby(images), options);
 }
 

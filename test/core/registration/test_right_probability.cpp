@@ -40,6 +40,9 @@ Measures any_measures() {
   return measures;
 }
 
+/// Evidence that is not always gathered.
+const Evidence kMirrorAgreement{&Measures::mirror_agreement, false, -0.3, 1.0};
+
 double odds(double probability) { return probability / (1.0 - probability); }
 
 /// The most that standing out from chance counts for beside the anatomy: odds of e.
@@ -53,10 +56,15 @@ RC_GTEST_PROP(RightProbability, MultipliesTheOddsOfChanceAndAnatomyByTheProbabil
   RC_ASSERT(std::abs(right.all() - right.mirrors * both / (1.0 + both)) < 1e-9);
 }
 
-RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, ()) {
-  const Measures measures = any_measures();
+RC_GTEST_PROP(RightProbability, BetterEvidenceNeverLowersIt, (bool with_all)) {
+  Measures measures = any_measures();
+  std::vector<Evidence> gathered = evidence();
+  if (with_all) {
+    gathered.push_back(kMirrorAgreement);
+    measures.mirror_agreement = uniform(kMirrorAgreement.least, kMirrorAgreement.most);
+  }
   const RightProbability before = right_probability(measures).value();
-  for (const Evidence& e : evidence()) {
+  for (const Evidence& e : gathered) {
     Measures better = measures;
     double& value = *(better.*e.value);
     value = e.more_is_better ? uniform(value, e.most) : uniform(e.least, value);
@@ -102,6 +110,22 @@ TEST(RightProbability, BlocksThatAgreeHalfwayNeedOtherEvidence) {
   of_another_patient.mirror_ratio = 1.2;
   of_another_patient.mirror_advantage = 4.0;
   EXPECT_LT(right_probability(of_another_patient)->all(), 0.3);
+}
+
+/// A nearly symmetric kidney fits its mirror image almost as well, but the blocks of the field
+/// agree less with each other there. If they agree more, the mirror image is the right one.
+TEST(RightProbability, AgreementOfMirrorImagesTellsSymmetricKidneysApart) {
+  Measures symmetric = strong_measures();
+  symmetric.mirror_ratio = 1.0;
+  symmetric.mirror_advantage = 0.8;
+  const double without = right_probability(symmetric)->mirrors;
+  EXPECT_GT(without, 0.3);
+  EXPECT_LT(without, 0.7);
+  symmetric.mirror_agreement = *symmetric.local_agreement - 0.15;
+  EXPECT_GT(right_probability(symmetric)->mirrors, 0.9);
+  EXPECT_GT(right_probability(symmetric)->all(), 0.8);
+  symmetric.mirror_agreement = *symmetric.local_agreement + 0.15;
+  EXPECT_LT(right_probability(symmetric)->all(), 0.1);
 }
 
 /// The square of an error's length over its variance along an axis is chi-squared with 3 degrees of
@@ -157,6 +181,9 @@ TEST(RightProbability, NothingFollowsFromEvidenceThatIsAbsentOrNoNumber) {
       measures.*e.value = value;
       EXPECT_FALSE(right_probability(measures));
     }
+  Measures measures = middling();
+  measures.mirror_agreement = kNan;
+  EXPECT_FALSE(right_probability(measures));
   EXPECT_FALSE(right_probability({}));
 }
 

@@ -1,0 +1,241 @@
+#include "registration/evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "registration/acquisition_check.h"
+#include "registration/expected_error.h"
+#include "registration/local_agreement.h"
+#include "registration/mirror_agreement.h"
+#include "registration/paired_advantage.h"
+#include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/similarity/catalogue.h"
+
+namespace usct::registration {
+namespace {
+
+using Eigen::Vector3d;
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+/// How many times the similarity of another pose. It is limited, since the other may be next to 0.
+double times(const Candidate& best, double other) {
+  constexpr double kMost = 100.0;
+  return other > 0.0 ? std::clamp(best.value / other, 0.0, kMost) : kMost;
+}
+
+void set_wrong_probability(Measures& measures) {
+  if (const std::optional<RightProbability> right = right_probability(measures))
+    measures.wrong_probability = 1.0 - right->all();
+}
+
+/// The points in the middle of the field of view, where the kidney is.
+std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
+  std::vector<Vector3d> near;
+  const Vector3d centre = field.centre_us_mm();
+  for (const Vector3d& p : field.us_mm())
+    if ((p - centre).norm() <= radius_mm) near.push_back(p);
+  return near.empty() ? field.us_mm() : near;
+}
+
+/// Clusters near the middle are those that reach into the region of the expected error.
+LocalAgreementOptions agreement_options(const ConfidenceOptions& confidence,
+                                        const FieldPoints& field) {
+  return {confidence.cluster_mm, confidence.cluster_step_mm, field.centre_us_mm(),
+          confidence.error.target_radius_mm + 0.5 * confidence.cluster_mm};
+}
+
+/// The median distance by which halves of the field move a pose.
+double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
+                 const FieldPoints& field) {
+  std::vector<double> distances;
+  for (const Eigen::Isometry3d& pose : halves.all())
+    distances.push_back(field.distance_mm(pose, T_us_ct));
+  return median(distances);
+}
+
+}  // namespace
+
+/// Compares poses with the best one patch by patch, by a similarity that did not choose it.
+class PatchComparison {
+ public:
+  PatchComparison(const ImagePyramid& images, const ConfidenceOptions& options,
+                  const Candidate& best)
+      : similarity_(make_similarity(*images.levels.back().images, options.similarity)) {
+    if (!similarity_) return;
+    clusters_ = Clusters(similarity_->part_centres_us_mm(), options.cluster_mm);
+    best_ = similarity_->parts(best.pose());
+  }
+  bool is_possible() const { return clusters_.count() > 0; }
+  /// Student's t of the best pose against a pose of the mirrored ultrasound.
+  double advantage_over(const Candidate& other, const Eigen::Isometry3d& T_mirror) const {
+    const MirroredSimilarity mirrored(*similarity_, T_mirror);
+    return paired_advantage(best_, mirrored.parts(other.pose()), clusters_);
+  }
+
+ private:
+  std::shared_ptr<const Similarity> similarity_;
+  Clusters clusters_;
+  std::vector<double> best_;
+};
+
+void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run) {
+  const PatchComparison patches(in_.images, in_.options, optima.front());
+  compare_with_decoys(optima.front(), patches, assessment, run);
+  compare_with_rivals(optima, patches, assessment.measures);
+}
+
+void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) const {
+  compare_clusters(refined, assessment.measures, run);
+  compare_parts(refined, assessment, run);
+  estimate_errors(refined, assessment.measures, run);
+  set_wrong_probability(assessment.measures);
+}
+
+bool Evidence::is_accepted(const Measures& measures) const {
+  const std::optional<double>& wrong = measures.wrong_probability;
+  return wrong && *wrong <= *in_.options.gates.max_wrong_probability;
+}
+
+bool Evidence::is_beyond_doubt(const Assessment& assessment) const {
+  constexpr double kBeyondDoubt = 0.1;
+  const std::optional<double>& wrong = assessment.measures.wrong_probability;
+  return wrong && *wrong <= kBeyondDoubt * *in_.options.gates.max_wrong_probability;
+}
+
+bool Evidence::leaves_doubt(const Assessment& assessment) const {
+  constexpr double kSurelyWrong = 0.99;
+  const std::optional<double>& wrong = assessment.measures.wrong_probability;
+  return !wrong || (*wrong < kSurelyWrong && !is_beyond_doubt(assessment));
+}
+
+void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) const {
+  if (!decoys_ || is_beyond_doubt(assessment)) return;
+  Measures& measures = assessment.measures;
+  Measures at_best = measures;
+  at_best.mirror_agreement = -1.0;  // no agreement at all
+  set_wrong_probability(at_best);
+  if (!is_accepted(at_best)) return;
+  compare_agreement(*decoys_, measures, run);
+  set_wrong_probability(measures);
+  if (ct_is_known_ || !is_accepted(measures) || is_beyond_doubt(assessment)) return;
+  compare_with_mirrored_ct(best, assessment, run);
+  set_wrong_probability(measures);
+}
+
+void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison& patches,
+                                   Assessment& result, Run& run) {
+  if (!decoys_)
+    decoys_ = search_decoys(in_.problem, best.T_us_ct, in_.images.prepared.us->beams,
+                            in_.options.decoys, decoy_rounds_, run);
+  if (decoys_->empty()) return;
+  std::vector<double> values;
+  for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
+  const auto highest = std::max_element(values.begin(), values.end());
+  result.best_mirror = (*decoys_)[static_cast<std::size_t>(highest - values.begin())].mirror;
+  result.measures.mirror_ratio = times(best, *highest);
+  result.measures.chance_ratio = times(best, median(values));
+  if (!patches.is_possible()) return;
+  std::vector<double> advantages;
+  for (const Decoy& decoy : *decoys_)
+    advantages.push_back(patches.advantage_over(decoy.best, decoy.T_mirror));
+  result.measures.mirror_advantage = *std::min_element(advantages.begin(), advantages.end());
+  result.measures.chance_advantage = median(advantages);
+}
+
+void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
+                                   const PatchComparison& patches, Measures& measures) const {
+  constexpr std::size_t kRivals = 3;
+  const Candidate& best = optima.front();
+  std::vector<const Candidate*> rivals;
+  for (const Candidate& other : optima)
+    if (rivals.size() < kRivals &&
+        field().distance_mm(other.T_us_ct, best.T_us_ct) > in_.options.rival_mm)
+      rivals.push_back(&other);
+  measures.rival_ratio = rivals.empty() ? measures.chance_ratio : times(best, rivals[0]->value);
+  measures.rival_advantage = measures.chance_advantage;
+  if (rivals.empty() || !patches.is_possible()) return;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Candidate* rival : rivals)
+    least = std::min(least, patches.advantage_over(*rival, Eigen::Isometry3d::Identity()));
+  measures.rival_advantage = least;
+}
+
+void Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
+  const std::optional<AcquisitionErrors> errors =
+      acquisition_errors_at(refined.T_us_ct, deciding_images(), in_.options.ridge_similarity,
+                            in_.options.parts, field(), run);
+  if (!errors) return;
+  if (!measures.depth_error) measures.depth_error = errors->depth;
+  if (!measures.sweep_error) measures.sweep_error = errors->sweep;
+}
+
+void Evidence::compare_clusters(const Candidate& refined, Measures& measures, Run& run) const {
+  const auto patches = make_similarity(deciding_images(), in_.options.similarity);
+  if (!patches) return;
+  const std::optional<LocalAgreement> found =
+      local_agreement(*patches, refined.T_us_ct, agreement_options(in_.options, field()), run);
+  if (!found) return;
+  measures.local_agreement = found->share;
+  measures.tissue_motion_mm = found->tissue_motion_mm;
+}
+
+void Evidence::compare_parts(const Candidate& refined, Assessment& result, Run& run) const {
+  const ConfidenceOptions& confidence = in_.options;
+  const std::vector<std::optional<HalfPoses>> found =
+      poses_of_halves(deciding_images(), {confidence.similarity, confidence.ridge_similarity},
+                      confidence.parts, refined.T_us_ct, field(), run);
+  std::optional<double>* const moved_mm[] = {&result.measures.parts_mm,
+                                             &result.measures.ridge_parts_mm};
+  std::vector<HalfPoses> halves;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!found[i]) continue;
+    *moved_mm[i] = motion_mm(*found[i], refined.T_us_ct, field());
+    halves.push_back(*found[i]);
+  }
+  if (halves.empty()) return;
+  const ErrorOptions& error = confidence.error;
+  result.covariance = pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error) +
+                      shift_covariance(result.measures.tissue_motion_mm.value_or(0.0));
+  const double expected_mm =
+      expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
+  result.measures.expected_error_mm = expected_mm;
+  result.measures.error_bound_mm = error.bound_factor * expected_mm;
+}
+
+void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& measures,
+                                 Run& run) const {
+  const auto fitted = make_similarity(deciding_images(), in_.options.ridge_similarity);
+  const auto asked = make_similarity(deciding_images(), in_.options.similarity);
+  if (!fitted || !asked) return;
+  const std::optional<double> most =
+      mirror_agreement(decoys, *fitted, *asked, in_.options.parts,
+                       agreement_options(in_.options, field()), field(), run);
+  if (most) measures.mirror_agreement = std::max(measures.mirror_agreement.value_or(*most), *most);
+}
+
+void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment,
+                                        Run& run) const {
+  const PatchComparison patches(in_.images, in_.options, best);
+  Measures& measures = assessment.measures;
+  std::optional<Decoy> better;
+  for (const Decoy& decoy : search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction,
+                                               in_.options.decoys, decoy_rounds_, run)) {
+    if (!(decoy.best.value > (better ? better->best : best).value)) continue;
+    const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
+    if (!(advantage < 0.0)) continue;
+    better = decoy;
+    measures.mirror_advantage = advantage;
+  }
+  if (!better) return;
+  assessment.best_mirror = better->mirror;
+  measures.mirror_ratio = times(best, better->best.value);
+  if (measures.mirror_agreement) compare_agreement({*better}, measures, run);
+}
+
+}  // namespace usct::registration

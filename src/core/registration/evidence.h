@@ -1,0 +1,93 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "registration/decoys.h"
+#include "registration/image_pyramid.h"
+#include "registration/parts.h"
+
+/// The evidence for a pose, from the case itself: mirrored ultrasound, rivals, parts of the field.
+namespace usct::registration {
+
+struct Assessment {
+  Measures measures;
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+  /// The best mirrored ultrasound, or mirrored CT that fits better than the pose; unset if none has
+  /// a value.
+  std::optional<Mirror> best_mirror;
+};
+
+class PatchComparison;
+
+/// What the evidence is gathered on and with; all must outlive it.
+struct EvidenceInput {
+  /// As it was recorded.
+  const BeamUltrasound& ultrasound;
+  const CtVolume& ct;
+  const ImagePyramid& images;
+  /// The search on `images`.
+  const SearchProblem& problem;
+  const ConfidenceOptions& options;
+};
+
+/// Gathers the evidence on one set of images.
+class Evidence {
+ public:
+  explicit Evidence(const EvidenceInput& input) : in_(input) {}
+
+  /// Decoys that were found, and decoys to compare with in place of a search.
+  const std::optional<std::vector<Decoy>>& decoys() const { return decoys_; }
+  /// A pose in this CT was accepted then, so that its axes are known to be right.
+  void take_over(std::vector<Decoy> decoys) {
+    decoys_ = std::move(decoys);
+    ct_is_known_ = true;
+  }
+  /// Lets the next comparison search for the decoys in so many rounds: a pose that a later round
+  /// found had more starts, and so must the decoys that it is compared with.
+  void search_decoys_again(int rounds) {
+    decoys_.reset();
+    decoy_rounds_ = rounds;
+  }
+
+  /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
+  /// its rivals.
+  void compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run);
+  /// Completes what `compare` made of the optima by measures from the field of view alone at the
+  /// pose after its refinement, and takes the probability that the pose is wrong.
+  void check(const Candidate& refined, Assessment& assessment, Run& run) const;
+  /// Whether a checked pose is so much less probably wrong than the limit allows that it is
+  /// accepted without evidence that takes long.
+  bool is_beyond_doubt(const Assessment& assessment) const;
+  /// Whether it is neither beyond doubt nor surely wrong.
+  bool leaves_doubt(const Assessment& assessment) const;
+  /// Gathers the evidence that takes long, where it could decide about a checked pose: the
+  /// agreement of mirror images, and mirrored CTs.
+  void settle(const Candidate& best, Assessment& assessment, Run& run) const;
+
+ private:
+  SimilarityImages& deciding_images() const { return *in_.images.levels.back().images; }
+  const FieldPoints& field() const { return in_.images.prepared.field; }
+
+  void compare_with_decoys(const Candidate& best, const PatchComparison& patches,
+                           Assessment& result, Run& run);
+  void compare_with_rivals(const std::vector<Candidate>& optima, const PatchComparison& patches,
+                           Measures& measures) const;
+  bool is_accepted(const Measures& measures) const;
+  void compare_clusters(const Candidate& refined, Measures& measures, Run& run) const;
+  void compare_parts(const Candidate& refined, Assessment& result, Run& run) const;
+  /// Errors of the acquisition, unless the refinement estimated them.
+  void estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
+  /// The local agreement of decoys, if it is more than that of others so far.
+  void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run) const;
+  /// A mirrored CT that fits better, as a whole and patch by patch, is the best mirror.
+  void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) const;
+
+  const EvidenceInput in_;
+  /// They are kept from round to round: what is no better than decoys of fewer starts is refused.
+  std::optional<std::vector<Decoy>> decoys_;
+  int decoy_rounds_ = 1;
+  bool ct_is_known_ = false;
+};
+
+}  // namespace usct::registration
