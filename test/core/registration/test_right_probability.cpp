@@ -151,6 +151,15 @@ TEST(EvidenceText, NamesTheSizeOfTheErrorOnlyIfItMayBeTooLarge) {
       << evidence_text(measures);
 }
 
+TEST(EvidenceText, SaysHowFarMirrorImagesAgreeIfTheyWereAsked) {
+  Measures measures = strong_measures();
+  EXPECT_EQ(evidence_text(measures).find("a mirror image by"), std::string::npos);
+  measures.mirror_agreement = 0.23;
+  EXPECT_NE(evidence_text(measures).find("by 0.50, and with a mirror image by 0.23 at most"),
+            std::string::npos)
+      << evidence_text(measures);
+}
+
 /// Measures between good and bad, where each of them matters.
 Measures middling() {
   Measures measures;
