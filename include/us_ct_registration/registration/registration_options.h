@@ -101,9 +101,9 @@ struct RefinementOptions : ClimbOptions {
 
 /// The images and the search that the evidence is gathered with.
 enum class EvidenceSource {
-  kOwn,      // those of the registration: its similarities must be 0 by chance, and not negative
+  kOwn,       // those of the registration: its similarities must be 0 by chance, and not negative
   kOwnFirst,  // the same, and those of the preset `patient` where they leave doubt
-  kPatient,  // those of the preset `patient`, whatever found the pose
+  kPatient,   // those of the preset `patient`, whatever found the pose
 };
 
 constexpr auto words_of(EvidenceSource) {
