@@ -23,7 +23,8 @@ double median(std::vector<double> values) {
   return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
 
-/// How many times the similarity of another pose. It is limited, since the other may be next to 0.
+/// The factor by which a pose has more similarity than another. It is limited, since the other may
+/// be next to 0.
 double times(const Candidate& best, double other) {
   constexpr double kMost = 100.0;
   return other > 0.0 ? std::clamp(best.value / other, 0.0, kMost) : kMost;

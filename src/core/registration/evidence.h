@@ -20,7 +20,7 @@ struct Assessment {
 
 class PatchComparison;
 
-/// What the evidence is gathered on and with; all must outlive it.
+/// The images, the search and the options that the evidence is gathered with. All must outlive it.
 struct EvidenceInput {
   /// As it was recorded.
   const BeamUltrasound& ultrasound;
