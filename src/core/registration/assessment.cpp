@@ -22,6 +22,19 @@ struct Assessor::AsPatient {
 
 namespace {
 
+/// The images and the search of the preset `patient`, and the evidence that `of` asks for. Its
+/// similarities belong to its own images, if it has any.
+RegistrationOptions as_patient(const RegistrationOptions& of) {
+  RegistrationOptions options;
+  ConfidenceOptions confidence = of.confidence;
+  if (confidence.evidence != EvidenceSource::kPatient) {
+    confidence.similarity = options.confidence.similarity;
+    confidence.ridge_similarity = options.confidence.ridge_similarity;
+  }
+  options.confidence = confidence;
+  return options;
+}
+
 /// Optima of the search of the evidence, where that differs from the search that found `refined`.
 /// The optimum that `refined` leads to comes first.
 std::vector<Candidate> optima_around(const SearchProblem& problem, const Candidate& refined,
@@ -129,8 +142,7 @@ Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Cand
 std::optional<Refusal> Assessor::assess_as_patient(const Candidate& refined, Assessment& assessment,
                                                    Run& run) {
   if (!as_patient_) {
-    RegistrationOptions options;
-    options.confidence.gates = options_.confidence.gates;
+    RegistrationOptions options = as_patient(options_);
     Outcome<ImagePyramid> images =
         prepare(ultrasound_, ct_, problem_.T_us_ct_initial, options, run);
     if (!images) return images.refusal();

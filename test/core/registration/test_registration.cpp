@@ -293,6 +293,18 @@ TEST(Registration, APoseThatItsOwnEvidenceLeavesInDoubtIsJudgedAsPatientJudgesIt
   EXPECT_EQ(beyond_doubt.local_agreement, own.local_agreement);
 }
 
+/// The images of `patient` judge the pose, but the expected error is the one that was asked for.
+TEST(Registration, OptionsOfTheEvidenceHoldWhereThePoseIsJudgedAsPatientJudgesIt) {
+  for (const EvidenceSource source : {EvidenceSource::kOwnFirst, EvidenceSource::kPatient}) {
+    RegistrationOptions options = quick_options();
+    options.confidence.evidence = source;
+    options.confidence.gates.max_wrong_probability = 0.1;
+    options.confidence.error.bound_factor = 3.0;
+    const Measures measures = registered(agar_case(), nearby(agar_case()), options).measures;
+    EXPECT_NEAR(measures.error_bound_mm.value(), 3.0 * measures.expected_error_mm.value(), 1e-12);
+  }
+}
+
 RegistrationResult in_rounds(int most, const RegistrationCase& images) {
   RegistrationOptions options = quick_options();
   options.search.rounds.most = most;
