@@ -1,6 +1,8 @@
 """Starts and ends the nodes that a test of this folder looks at, and waits for what they do."""
 import os
+import random
 import signal
+import socket
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
@@ -23,6 +25,19 @@ def wait_for(condition, what, limit_s=LIMIT_S):
             return value
         time.sleep(0.02)
     raise AssertionError(f"waited {limit_s:.0f} s for {what}")
+
+
+def free_port():
+    """A TCP port on which nothing listens, below those that the system gives to whatever program asks for any."""
+    with open("/proc/sys/net/ipv4/ip_local_port_range") as stream:
+        first_given = int(stream.read().split()[0])
+    while True:
+        with socket.socket() as one:
+            try:
+                one.bind(("localhost", random.randrange(1024, first_given)))
+                return one.getsockname()[1]
+            except OSError:
+                continue
 
 
 def unitrun(name, test_case):

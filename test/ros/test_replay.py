@@ -9,7 +9,6 @@ import pathlib
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -26,7 +25,7 @@ PROJECT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(PROJECT / "scripts"))
 import live_video
 import node_under_test
-from node_under_test import PACKAGE
+from node_under_test import PACKAGE, free_port
 
 CLIENT = [sys.executable, str(PROJECT / "scripts/demo_client.py")]
 LIMIT_S = 180.0
@@ -159,13 +158,10 @@ class System:
 
     def __init__(self, folder, acquisition):
         self.folder, self.acquisition = folder, acquisition
-        with socket.socket() as free:
-            free.bind(("localhost", 0))
-            port = free.getsockname()[1]
-        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost",
+        self.port = free_port()
+        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{self.port}", ROS_HOSTNAME="localhost",
                                 ROS_HOME=str(folder / "ros"), ROS_LOG_DIR=str(folder / "log"))
         self.environment.pop("ROS_IP", None)
-        self.port = port
         self.running = {}
 
     def start(self, name, *command, environment=None):

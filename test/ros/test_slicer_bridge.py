@@ -18,7 +18,7 @@ from us_ct_registration.srv import (Cancel, CancelResponse, SetInitialAlignment,
                                     SetInitialAlignmentResponse)
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from node_under_test import LIMIT_S, wait_for
+from node_under_test import LIMIT_S
 from tf_publisher_case import CT_CRC32, OTHER_CT_CRC32, TfPublisherCase
 
 HEADER = struct.Struct(">H12s20sQQQ")
@@ -137,13 +137,13 @@ class SlicerBridge(TfPublisherCase):
         super().setUp()
         self.us = self.namespace[1:] + "_us"
         self.clients = []
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
         with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../config/nodes/slicer_bridge.yaml")) as file:
             parameters = yaml.safe_load(file)
+        # A port that the test chose could be another program's by the time the node listens there.
         self.start("slicer_bridge", as_nodelet=self.namespace.endswith("as_nodelet"),
-                   **{**parameters, "us_frame": self.us, "port": self.port})
+                   **{**parameters, "us_frame": self.us, "port": 0})
+        diagnosis = self.diagnosis(lambda s: s.name.endswith("OpenIGTLink"), "the server to name its port")
+        self.port, = [int(pair.value) for pair in diagnosis.values if pair.key == "port"]
         self.client = self.connect()
 
     def tearDown(self):
@@ -152,12 +152,7 @@ class SlicerBridge(TfPublisherCase):
         super().tearDown()
 
     def connect(self):
-        def connected():
-            try:
-                return Client(self.port)
-            except ConnectionRefusedError:
-                return None
-        self.clients.append(wait_for(connected, "the server"))
+        self.clients.append(Client(self.port))
         return self.clients[-1]
 
     def command(self, text, words, **header):
