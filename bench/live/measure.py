@@ -134,12 +134,16 @@ def without_announced_end(bag, path):
 class Live(test_replay.System):
     """The user's launch file with a master of its own."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, jump_window_s):
         super().__init__(folder, None)
+        self.jump_window_s = jump_window_s
 
     def start_nodes(self, ct, preset, nodelet, continuous):
+        parameters = [f"continuous: {str(continuous).lower()}"]
+        if self.jump_window_s is not None:
+            parameters.append(f"jump_window: {self.jump_window_s}")
         override = self.folder / "override.yaml"
-        override.write_text(f"registration: {{continuous: {str(continuous).lower()}}}\n")
+        override.write_text(f"registration: {{{', '.join(parameters)}}}\n")
         self.start("nodes", "roslaunch", PACKAGE, "registration.launch", f"fixed_frame:={FIXED_FRAME}", "policy:=auto",
                    f"ct:={ct}", f"preset:={preset}", f"nodelet:={nodelet}", f"override:={override}")
 
@@ -511,6 +515,7 @@ def parse_arguments():
     parser.add_argument("--frame-rate", type=float, default=80.0, help="of the scanner, frames per s")
     parser.add_argument("--offered-hz", type=float, default=10.0, help="volumes per s in the measurement of the rate")
     parser.add_argument("--seconds", type=float, default=5.0, help="length of that measurement")
+    parser.add_argument("--jump-window", type=float, help="s, in place of the registration's configuration")
     parser.add_argument("--output", type=pathlib.Path, help="JSON with every number")
     return parser.parse_args()
 
@@ -520,7 +525,7 @@ def main():
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     load, begin = os.getloadavg()[0], time.monotonic()
     with tempfile.TemporaryDirectory(prefix="usct_live_") as folder:
-        live = Live(pathlib.Path(folder))
+        live = Live(pathlib.Path(folder), options.jump_window)
         try:
             launches = measure(pathlib.Path(folder), live, options)
         except BaseException:

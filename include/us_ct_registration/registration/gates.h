@@ -60,9 +60,13 @@ struct Measures {
   /// The same of the mirrored ultrasound that reaches most, with its patches where they fit best.
   /// It is taken where the other evidence leaves doubt, and makes a difference.
   std::optional<double> mirror_agreement;
-  /// About how far tissue near the middle of the field has moved relative to the pose, root mean
-  /// square, mm: the translations that clusters there wish together with their neighbours.
+  /// About how far tissue near the middle of the field would rather lie elsewhere, root mean
+  /// square, mm: the translations that clusters there wish together with their neighbours, by whole
+  /// steps.
   std::optional<double> tissue_motion_mm;
+  /// The same between these translations, without what a wrong step of the motor or a wrong path of
+  /// the tracker explains, mm: a part of the expected error.
+  std::optional<double> deformation_mm;
   /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
   /// right_probability.
   std::optional<double> wrong_probability;

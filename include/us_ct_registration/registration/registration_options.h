@@ -134,11 +134,11 @@ struct PartOptions {
   void validate(const std::string& source) const;
 };
 
-/// The expected error: the motion of the pose by parts of the field, and errors that no image
-/// shows. docs/confidence.md says how they were calibrated.
+/// The expected error: the motion of the pose by parts of the field, the deformation of tissue, and
+/// errors that no image shows. docs/confidence.md says how they were calibrated.
 struct ErrorOptions {
   /// Factor on the standard deviation that the halves give; > 0.
-  double parts_factor = 1.0;
+  double parts_factor = 0.5;
   /// Error of the speed of sound, as a share of the depth; [0, 0.2].
   double sound_speed_share = 0.01;
   /// Time between images and poses of a tracked sweep, in frames; >= 0.
@@ -146,7 +146,7 @@ struct ErrorOptions {
   /// Shift by all other errors, root mean square, mm; >= 0.
   double other_mm = 0.3;
   /// The 90 % bound over the expected error; > 0.
-  double bound_factor = 1.1;
+  double bound_factor = 1.5;
   /// The expected error is that of points within this distance of the middle of the field, mm; > 0.
   double target_radius_mm = 30.0;
 

@@ -6,6 +6,7 @@
 
 #include "registration/acquisition_check.h"
 #include "registration/expected_error.h"
+#include "registration/field_axes.h"
 #include "registration/local_agreement.h"
 #include "registration/mirror_agreement.h"
 #include "registration/paired_advantage.h"
@@ -45,10 +46,12 @@ std::vector<Vector3d> middle_of(const FieldPoints& field, double radius_mm) {
 }
 
 /// Clusters near the middle are those that reach into the region of the expected error.
-LocalAgreementOptions agreement_options(const ConfidenceOptions& confidence,
-                                        const FieldPoints& field) {
-  return {confidence.cluster_mm, confidence.cluster_step_mm, field.centre_us_mm(),
-          confidence.error.target_radius_mm + 0.5 * confidence.cluster_mm};
+LocalAgreementOptions agreement_options(const EvidenceInput& in, const FieldPoints& field) {
+  const double cluster_mm = in.options.cluster_mm;
+  const double radius_mm = in.options.error.target_radius_mm + 0.5 * cluster_mm;
+  return {cluster_mm,
+          in.options.cluster_step_mm,
+          {field.centre_us_mm(), radius_mm, field_axes(in.ultrasound.beams).elevation}};
 }
 
 /// The median distance by which halves of the field move a pose.
@@ -180,10 +183,11 @@ void Evidence::compare_clusters(const Candidate& refined, Measures& measures, Ru
   const auto patches = make_similarity(deciding_images(), in_.options.similarity);
   if (!patches) return;
   const std::optional<LocalAgreement> found =
-      local_agreement(*patches, refined.T_us_ct, agreement_options(in_.options, field()), run);
+      local_agreement(*patches, refined.T_us_ct, agreement_options(in_, field()), run);
   if (!found) return;
   measures.local_agreement = found->share;
   measures.tissue_motion_mm = found->tissue_motion_mm;
+  measures.deformation_mm = found->deformation_mm;
 }
 
 void Evidence::compare_parts(const Candidate& refined, Assessment& result, Run& run) const {
@@ -202,7 +206,7 @@ void Evidence::compare_parts(const Candidate& refined, Assessment& result, Run& 
   if (halves.empty()) return;
   const ErrorOptions& error = confidence.error;
   result.covariance = pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error) +
-                      shift_covariance(result.measures.tissue_motion_mm.value_or(0.0));
+                      shift_covariance(result.measures.deformation_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
   result.measures.expected_error_mm = expected_mm;
@@ -214,9 +218,8 @@ void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& mea
   const auto fitted = make_similarity(deciding_images(), in_.options.ridge_similarity);
   const auto asked = make_similarity(deciding_images(), in_.options.similarity);
   if (!fitted || !asked) return;
-  const std::optional<double> most =
-      mirror_agreement(decoys, *fitted, *asked, in_.options.parts,
-                       agreement_options(in_.options, field()), field(), run);
+  const std::optional<double> most = mirror_agreement(
+      decoys, *fitted, *asked, in_.options.parts, agreement_options(in_, field()), field(), run);
   if (most) measures.mirror_agreement = std::max(measures.mirror_agreement.value_or(*most), *most);
 }
 

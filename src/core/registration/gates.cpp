@@ -55,6 +55,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"local_agreement", &Measures::local_agreement},
       {"mirror_agreement", &Measures::mirror_agreement},
       {"tissue_motion_mm", &Measures::tissue_motion_mm},
+      {"deformation_mm", &Measures::deformation_mm},
       {"wrong_probability", &Measures::wrong_probability},
       {"expected_error_mm", &Measures::expected_error_mm},
       {"error_bound_mm", &Measures::error_bound_mm},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "parallel.h"
@@ -59,21 +60,38 @@ std::optional<double> share_of_rise(const Rows& own, const Rows& of_neighbours) 
          1.0 / std::sqrt(static_cast<double>(clusters));
 }
 
-double tissue_motion_mm(const Rows& own, const Rows& of_neighbours, const Clusters& clusters,
-                        const std::vector<Vector3d>& moves_mm,
-                        const LocalAgreementOptions& options) {
-  Rows together = own;
+/// What each cluster and its neighbours reach together.
+Rows sums_of(Rows own, const Rows& of_neighbours) {
   for (std::size_t t = 0; t < own.size(); ++t)
-    for (std::size_t c = 0; c < clusters.count(); ++c) together[t][c] += of_neighbours[t][c];
+    for (std::size_t c = 0; c < own[t].size(); ++c) own[t][c] += of_neighbours[t][c];
+  return own;
+}
+
+double tissue_motion_mm(const Rows& together, const Clusters& clusters,
+                        const std::vector<Vector3d>& moves_mm, const TissueRegion& region) {
   double squares = 0.0;
   double weights = 0.0;
   for (std::size_t c = 0; c < clusters.count(); ++c) {
-    if ((clusters.middles_us_mm()[c] - options.centre_us_mm).norm() > options.radius_mm) continue;
+    if ((clusters.middles_us_mm()[c] - region.centre_us_mm).norm() > region.radius_mm) continue;
     const Best best = best_of(together, c);
     squares += best.rise * moves_mm[best.translation].squaredNorm();
     weights += best.rise;
   }
   return weights > 0.0 ? std::sqrt(squares / weights) : 0.0;
+}
+
+/// Where each cluster and its neighbours together would rather lie.
+std::vector<Wish> wishes_of(const Rows& together, const Clusters& clusters,
+                            const std::vector<Vector3d>& moves_mm) {
+  const PeakFinder finder(moves_mm);
+  std::vector<Wish> wishes;
+  std::vector<double> values(moves_mm.size());
+  for (std::size_t c = 0; c < clusters.count(); ++c) {
+    for (std::size_t t = 0; t < together.size(); ++t) values[t] = together[t][c];
+    wishes.push_back(
+        {clusters.middles_us_mm()[c], finder.peak_mm(values), best_of(together, c).rise});
+  }
+  return wishes;
 }
 
 }  // namespace
@@ -96,7 +114,9 @@ std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
   run.count_evaluations(moves_mm.size());
   const std::optional<double> share = share_of_rise(own, of_neighbours);
   if (!share) return std::nullopt;
-  return LocalAgreement{*share, tissue_motion_mm(own, of_neighbours, clusters, moves_mm, options)};
+  const Rows together = sums_of(std::move(own), of_neighbours);
+  return LocalAgreement{*share, tissue_motion_mm(together, clusters, moves_mm, options.tissue),
+                        deformation_mm(wishes_of(together, clusters, moves_mm), options.tissue)};
 }
 
 }  // namespace usct::registration

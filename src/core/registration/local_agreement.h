@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <optional>
 
+#include "registration/deformation.h"
 #include "registration/run.h"
 #include "us_ct_registration/similarity/similarity.h"
 
@@ -12,9 +13,8 @@ struct LocalAgreementOptions {
   /// The edge of the clusters' cubes, and the translations that they are offered, mm.
   double cluster_mm;
   double step_mm;
-  /// The motion of tissue is that of clusters whose cubes' middles are this close to this point.
-  Eigen::Vector3d centre_us_mm;
-  double radius_mm;
+  /// The motion of tissue is that of clusters whose cubes' middles are in there.
+  TissueRegion tissue;
 };
 
 /// How far clusters of the ultrasound agree with a pose that they share. Each cluster could reach a
@@ -35,9 +35,12 @@ struct LocalAgreement {
   /// similarity's scale.
   double share = 0.0;
   /// Root mean square length, mm, of the translations that clusters near the centre and their
-  /// neighbours together like best, by the rise that depends on it: about how far tissue there has
-  /// moved relative to the pose. It is 0 if nothing there makes a difference.
+  /// neighbours together like best, by the rise that depends on it. It is 0 if nothing there makes
+  /// a difference. Wrong poses have much of it.
   double tissue_motion_mm = 0.0;
+  /// `deformation_mm` of the peaks between these translations: about how far tissue there has moved
+  /// relative to the pose.
+  double deformation_mm = 0.0;
 };
 
 /// Unset for a similarity without parts, and where no translation makes a difference.

@@ -24,8 +24,9 @@ std::optional<LocalAgreement> agreement_of(const Similarity& similarity,
                                            double radius_mm = 1000.0) {
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return local_agreement(similarity, T_us_ct,
-                         {kClusterMm, kStepMm, Vector3d(5.0, 5.0, 5.0), radius_mm}, run);
+  return local_agreement(
+      similarity, T_us_ct,
+      {kClusterMm, kStepMm, {Vector3d(5.0, 5.0, 5.0), radius_mm, Vector3d::UnitZ()}}, run);
 }
 
 double agreement(const Similarity& similarity, const Isometry3d& T_us_ct = Isometry3d::Identity()) {
@@ -58,6 +59,15 @@ TEST(LocalAgreement, TissueThatMovesWithItsNeighboursAgreesByHalf) {
   const LocalAgreement moved = agreement_of(Wishes(std::vector<Vector3d>(6, kCornerMm))).value();
   EXPECT_NEAR(moved.share, 0.5 * (share_off_a_corner() + 1.0) - by_chance(6), 1e-9);
   EXPECT_NEAR(moved.tissue_motion_mm, kCornerMm.norm(), 1e-9);
+  EXPECT_NEAR(moved.deformation_mm, kCornerMm.norm(), 0.2 * kCornerMm.norm());
+}
+
+/// A motion of less than half a step is nearer to none than to any translation that is offered.
+TEST(LocalAgreement, DeformationIsSeenBetweenTheTranslations) {
+  const Vector3d wished = 0.4 * kStepMm * Vector3d::UnitY();
+  const LocalAgreement moved = agreement_of(Wishes(std::vector<Vector3d>(6, wished))).value();
+  EXPECT_EQ(moved.tissue_motion_mm, 0.0);
+  EXPECT_NEAR(moved.deformation_mm, wished.norm(), 0.25 * wished.norm());
 }
 
 TEST(LocalAgreement, ClustersThatWishTheOppositeOfTheirNeighboursDoNotAgree) {
@@ -71,6 +81,7 @@ TEST(LocalAgreement, OneClusterAmongOthersIsNoMotionOfTissue) {
   const LocalAgreement found =
       agreement_of(Wishes({{0, 0, 0}, {0, 0, 0}, kCornerMm, {0, 0, 0}, {0, 0, 0}})).value();
   EXPECT_EQ(found.tissue_motion_mm, 0.0);
+  EXPECT_LT(found.deformation_mm, 0.2 * kCornerMm.norm());
   EXPECT_GT(found.share + by_chance(5), 0.7);
 }
 

@@ -43,9 +43,9 @@ std::optional<double> agreement(const std::vector<Mirror>& mirrors, const Simila
   how.optimizer.step_tolerance = 1e-4;
   const RegistrationHooks hooks;
   registration::Run run(hooks);
-  return registration::mirror_agreement(decoys, PeaksSimilarity(cube_field(), peaks), asked, how,
-                                        {kClusterMm, kStepMm, Vector3d::Zero(), 1000.0},
-                                        cube_field(), run);
+  return registration::mirror_agreement(
+      decoys, PeaksSimilarity(cube_field(), peaks), asked, how,
+      {kClusterMm, kStepMm, {Vector3d::Zero(), 1000.0, Vector3d::UnitZ()}}, cube_field(), run);
 }
 
 /// The clusters are asked where the mirrored ultrasound fits best. At the pose that the search

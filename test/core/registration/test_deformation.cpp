@@ -1,0 +1,111 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "core/geometry/random_geometry.h"
+#include "registration/deformation.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using registration::deformation_mm;
+using registration::PeakFinder;
+using registration::TissueRegion;
+using registration::Wish;
+
+constexpr double kLatticeMm = 3.0;
+
+std::vector<Vector3d> lattice() {
+  std::vector<Vector3d> moves;
+  for (const int x : {-1, 0, 1})
+    for (const int y : {-1, 0, 1})
+      for (const int z : {-1, 0, 1}) moves.push_back(kLatticeMm * Vector3d(x, y, z));
+  return moves;
+}
+
+/// Of the translations of the lattice.
+template <class Function>
+Vector3d peak_of(const Function& function) {
+  std::vector<double> values;
+  for (const Vector3d& move : lattice()) values.push_back(function(move));
+  return PeakFinder(lattice()).peak_mm(values);
+}
+
+Matrix3d random_matrix() {
+  Matrix3d matrix;
+  for (int i = 0; i < 9; ++i) matrix(i) = uniform(-1.0, 1.0);
+  return matrix;
+}
+
+RC_GTEST_PROP(PeakFinder, FindsThePeakOfAnyQuadraticFunctionWithinReach, ()) {
+  const Vector3d peak(uniform(-4.0, 4.0), uniform(-4.0, 4.0), uniform(-4.0, 4.0));
+  const Matrix3d root = random_matrix();
+  const Matrix3d curvature = root * root.transpose() + 0.1 * Matrix3d::Identity();
+  const double height = uniform(-10.0, 10.0);
+  const Vector3d found =
+      peak_of([&](const Vector3d& p) { return height - (p - peak).dot(curvature * (p - peak)); });
+  RC_ASSERT((found - peak).norm() < 1e-9);
+}
+
+TEST(PeakFinder, TakesTheBestTranslationIfThereIsNoPeakWithinReach) {
+  const Vector3d corner = kLatticeMm * Vector3d(1.0, -1.0, 1.0);
+  const Vector3d far = 10.0 * corner;
+  EXPECT_EQ(peak_of([&](const Vector3d& p) { return -(p - far).squaredNorm(); }), corner);
+  // Along x it rises to both sides, to that of greater x most.
+  EXPECT_EQ(peak_of([](const Vector3d& p) {
+              return p.x() * p.x() + 0.1 * p.x() - p.y() * p.y() - p.z() * p.z();
+            }),
+            Vector3d(kLatticeMm, 0.0, 0.0));
+}
+
+const TissueRegion kAll{Vector3d(5.0, 70.0, -3.0), 1000.0, Vector3d(0.6, 0.0, 0.8)};
+
+std::vector<Vector3d> random_places() {
+  std::vector<Vector3d> places;
+  for (int i = 0; i < 30; ++i)
+    places.push_back(kAll.centre_us_mm +
+                     Vector3d(uniform(-40, 40), uniform(-40, 40), uniform(-40, 40)));
+  return places;
+}
+
+/// A wrong step of the motor leaves nothing that would be tissue, and hides nothing that is: here
+/// all turns with the probe.
+RC_GTEST_PROP(Deformation, DoesNotCountAStretchAcrossTheFrames, ()) {
+  const double stretch = uniform(-0.2, 0.2);
+  const Vector3d turn = uniform(0.0, 0.1) * random_rotation().col(0);
+  const Vector3d shift = uniform(0.0, 3.0) * random_rotation().col(0);
+  std::vector<Wish> wishes;
+  double squares = 0.0;
+  double weights = 0.0;
+  for (const Vector3d& place : random_places()) {
+    const Vector3d offset = place - kAll.centre_us_mm;
+    const Vector3d moved = shift + turn.cross(offset);
+    const double weight = uniform(0.1, 2.0);
+    const Vector3d stretched = stretch * offset.dot(kAll.sweep_axis_us) * kAll.sweep_axis_us;
+    wishes.push_back({place, moved + stretched, weight});
+    squares += weight * moved.squaredNorm();
+    weights += weight;
+  }
+  RC_ASSERT(std::abs(deformation_mm(wishes, kAll) - std::sqrt(squares / weights)) < 1e-6);
+}
+
+/// Weights 3 and 1, motions of 1 and 3 mm: the root of (3 * 1 + 1 * 9) / 4. The third is too far
+/// from the centre.
+TEST(Deformation, IsTheWeightedRootMeanSquareNearTheCentre) {
+  const TissueRegion near{Vector3d::Zero(), 20.0, Vector3d::UnitZ()};
+  const std::vector<Wish> wishes = {
+      {{10, 0, 0}, {1, 0, 0}, 3.0}, {{0, 10, 0}, {0, 3, 0}, 1.0}, {{0, 30, 0}, {0, 9, 0}, 5.0}};
+  EXPECT_NEAR(deformation_mm(wishes, near), std::sqrt(3.0), 1e-12);
+}
+
+TEST(Deformation, IsNothingWhereNothingDepends) {
+  EXPECT_EQ(deformation_mm({}, kAll), 0.0);
+  EXPECT_EQ(deformation_mm({{kAll.centre_us_mm, {1, 2, 3}, 0.0}}, kAll), 0.0);
+}
+
+}  // namespace
+}  // namespace usct::test
