@@ -39,10 +39,12 @@ class Run {
   void count_evaluations(std::size_t count) { evaluations_ += static_cast<int>(count); }
   int evaluations() const { return evaluations_; }
 
-  /// Runs `work`, and adds its wall time to that of the step.
+  /// Runs `work`, and adds its wall time to that of the step. A step within another one is not
+  /// counted there too, so that all steps together take no longer than the registration. Steps are
+  /// those of one thread.
   template <typename Work>
   auto timed(const char* step, const Work& work) {
-    const Timer timer(seconds_[step]);
+    const Timer timer(seconds_[step], innermost_);
     return work();
   }
   const std::map<std::string, double>& seconds() const { return seconds_; }
@@ -50,16 +52,24 @@ class Run {
  private:
   class Timer {
    public:
-    explicit Timer(double& seconds) : seconds_(seconds) {}
+    Timer(double& seconds, Timer*& innermost)
+        : seconds_(seconds), innermost_(innermost), outer_(innermost) {
+      innermost_ = this;
+    }
     ~Timer() {
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin_;
-      seconds_ += taken.count();
+      seconds_ += taken.count() - of_inner_;
+      if (outer_ != nullptr) outer_->of_inner_ += taken.count();
+      innermost_ = outer_;
     }
     Timer(const Timer&) = delete;
     Timer& operator=(const Timer&) = delete;
 
    private:
     double& seconds_;
+    Timer*& innermost_;
+    Timer* outer_;
+    double of_inner_ = 0.0;
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
   };
 
@@ -67,6 +77,7 @@ class Run {
   mutable std::mutex asking_;
   std::atomic<int> evaluations_{0};
   std::map<std::string, double> seconds_;
+  Timer* innermost_ = nullptr;
 };
 
 }  // namespace usct::registration

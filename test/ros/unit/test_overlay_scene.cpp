@@ -64,8 +64,8 @@ TEST(OverlayScene, HasTheVisibleStructuresWhereTheAlignmentHasThem) {
   ASSERT_EQ(scene.structures.size(), 2U);
   EXPECT_EQ(scene.structures[0].name, "left kidney");
   EXPECT_FALSE(scene.structures[0].bound_mm);
-  // Without a covariance: 1.1 times the expected error.
-  EXPECT_DOUBLE_EQ(scene.structures[1].bound_mm.value(), 2.2);
+  // Without a covariance: 1.5 times the expected error.
+  EXPECT_DOUBLE_EQ(scene.structures[1].bound_mm.value(), 3.0);
   // Corners that triangles share are one point, in millimetres.
   EXPECT_EQ(scene.structures[0].surface->points_mm.size(), 4U);
   EXPECT_EQ(scene.structures[0].surface->triangles.size(), 4U);
@@ -114,11 +114,11 @@ TEST(OverlayScene, TheBoundIsThatOfTheCovarianceAtTheStructure) {
   for (const std::size_t axis : {21U, 28U, 35U}) pose.pose.covariance[axis] = 0.1 * 0.1;
   kept.keeper.take_pose(pose);
   const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
-  EXPECT_NEAR(scene.structures[1].bound_mm.value(), 1.1 * std::sqrt(9.0 + 2.0), 1e-9);
+  EXPECT_NEAR(scene.structures[1].bound_mm.value(), 1.5 * std::sqrt(9.0 + 2.0), 1e-9);
   // The pose of another alignment says nothing of this one.
   pose.header.stamp = ::ros::Time(900);
   kept.keeper.take_pose(pose);
-  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 2.2);
+  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 3.0);
 }
 
 TEST(NewestSlot, OnlyTheNewestValueWaits) {
