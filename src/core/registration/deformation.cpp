@@ -28,7 +28,7 @@ Matrix3d curvature_of(const Quadratic& q) {
   return curvature;
 }
 
-/// How a stretch of 1 moves a place.
+/// The motion of a place by a stretch of 1, mm.
 Vector3d stretched_by(const Vector3d& place_mm, const TissueRegion& region) {
   const Vector3d& axis = region.sweep_axis_us;
   return (place_mm - region.centre_us_mm).dot(axis) * axis;

@@ -5,7 +5,7 @@
 
 namespace usct::registration {
 
-/// Where the motion of tissue counts.
+/// The part of the field of view in which the motion of tissue counts.
 struct TissueRegion {
   /// Places this close to this point count.
   Eigen::Vector3d centre_us_mm;
@@ -18,13 +18,13 @@ struct TissueRegion {
 struct Wish {
   Eigen::Vector3d place_mm;
   Eigen::Vector3d motion_mm;
-  /// How much depends on it.
+  /// The share of this wish in means over places; >= 0.
   double weight;
 };
 
-/// Where values that are known at some translations have their maximum: that of the quadratic
-/// function that fits all of them best, so that a motion need not be one of the translations; or
-/// the best of the translations if it has none within 1.5 times their reach.
+/// Finds the translation at which a function is highest, from its values at some translations. A
+/// quadratic function is fitted to all of them, so that its peak may lie between them. If it has
+/// no peak within 1.5 times their reach, the best of the translations is taken.
 class PeakFinder {
  public:
   /// `moves_mm` must determine a quadratic function, as a lattice of 27 does.

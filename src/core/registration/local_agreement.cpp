@@ -60,7 +60,7 @@ std::optional<double> share_of_rise(const Rows& own, const Rows& of_neighbours) 
          1.0 / std::sqrt(static_cast<double>(clusters));
 }
 
-/// What each cluster and its neighbours reach together.
+/// The sums of each cluster and its neighbours, a row per translation.
 Rows sums_of(Rows own, const Rows& of_neighbours) {
   for (std::size_t t = 0; t < own.size(); ++t)
     for (std::size_t c = 0; c < own[t].size(); ++c) own[t][c] += of_neighbours[t][c];
@@ -80,7 +80,7 @@ double tissue_motion_mm(const Rows& together, const Clusters& clusters,
   return weights > 0.0 ? std::sqrt(squares / weights) : 0.0;
 }
 
-/// Where each cluster and its neighbours together would rather lie.
+/// The translations that clusters and their neighbours together like best, between those offered.
 std::vector<Wish> wishes_of(const Rows& together, const Clusters& clusters,
                             const std::vector<Vector3d>& moves_mm) {
   const PeakFinder finder(moves_mm);

@@ -27,7 +27,7 @@ std::vector<Vector3d> lattice() {
   return moves;
 }
 
-/// Of the translations of the lattice.
+/// The peak that is found from the values of a function at the translations of the lattice.
 template <class Function>
 Vector3d peak_of(const Function& function) {
   std::vector<double> values;
@@ -55,7 +55,7 @@ TEST(PeakFinder, TakesTheBestTranslationIfThereIsNoPeakWithinReach) {
   const Vector3d corner = kLatticeMm * Vector3d(1.0, -1.0, 1.0);
   const Vector3d far = 10.0 * corner;
   EXPECT_EQ(peak_of([&](const Vector3d& p) { return -(p - far).squaredNorm(); }), corner);
-  // Along x it rises to both sides, to that of greater x most.
+  // This function rises to both sides along x, and is highest where x is greatest.
   EXPECT_EQ(peak_of([](const Vector3d& p) {
               return p.x() * p.x() + 0.1 * p.x() - p.y() * p.y() - p.z() * p.z();
             }),
@@ -72,8 +72,8 @@ std::vector<Vector3d> random_places() {
   return places;
 }
 
-/// A wrong step of the motor leaves nothing that would be tissue, and hides nothing that is: here
-/// all turns with the probe.
+/// A wrong step of the motor must neither count as a motion of tissue nor hide one. The tissue here
+/// moves and turns as a whole, and the stretch is added to that.
 RC_GTEST_PROP(Deformation, DoesNotCountAStretchAcrossTheFrames, ()) {
   const double stretch = uniform(-0.2, 0.2);
   const Vector3d turn = uniform(0.0, 0.1) * random_rotation().col(0);
