@@ -132,6 +132,11 @@ def pose(translation, axis, angle):
     return matrix
 
 
+def port_in(diagnosis):
+    """0 where it names none."""
+    return next((int(pair.value) for pair in diagnosis.values if pair.key == "port"), 0)
+
+
 class SlicerBridge(TfPublisherCase):
     def setUp(self):
         super().setUp()
@@ -142,8 +147,9 @@ class SlicerBridge(TfPublisherCase):
         # A port that the test chose could be another program's by the time the node listens there.
         self.start("slicer_bridge", as_nodelet=self.namespace.endswith("as_nodelet"),
                    **{**parameters, "us_frame": self.us, "port": 0})
-        diagnosis = self.diagnosis(lambda s: s.name.endswith("OpenIGTLink"), "the server to name its port")
-        self.port, = [int(pair.value) for pair in diagnosis.values if pair.key == "port"]
+        # The first diagnosis says only that the node starts.
+        diagnosis = self.diagnosis(lambda s: s.name.endswith("OpenIGTLink") and port_in(s), "the server to name its port")
+        self.port = port_in(diagnosis)
         self.client = self.connect()
 
     def tearDown(self):
