@@ -65,6 +65,16 @@ double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
 
 }  // namespace
 
+bool is_beyond_doubt(const Measures& measures, double limit) {
+  constexpr double kShareOfLimit = 0.1;
+  // With mirrored CTs of nearly symmetric kidneys that left no other doubt, blocks have agreed by
+  // 0.33 to 0.36. They agree by less than 0.4 at one in twelve right poses that leave none.
+  constexpr double kLeastAgreement = 0.4;
+  const std::optional<double>& wrong = measures.wrong_probability;
+  const std::optional<double>& agreement = measures.local_agreement;
+  return wrong && *wrong <= kShareOfLimit * limit && agreement && *agreement >= kLeastAgreement;
+}
+
 /// Compares poses with the best one patch by patch, by a similarity that did not choose it.
 class PatchComparison {
  public:
@@ -107,11 +117,8 @@ bool Evidence::is_accepted(const Measures& measures) const {
 }
 
 bool Evidence::is_beyond_doubt(const Assessment& assessment) const {
-  // With the presets' limit this is 0.02. The least that evidence can give is 0.018, and mirrored
-  // CTs of nearly symmetric kidneys have reached 0.023.
-  constexpr double kBeyondDoubt = 1.0 / 15.0;
-  const std::optional<double>& wrong = assessment.measures.wrong_probability;
-  return wrong && *wrong <= kBeyondDoubt * *in_.options.gates.max_wrong_probability;
+  return registration::is_beyond_doubt(assessment.measures,
+                                       *in_.options.gates.max_wrong_probability);
 }
 
 bool Evidence::leaves_doubt(const Assessment& assessment) const {

@@ -31,6 +31,11 @@ struct EvidenceInput {
   const ConfidenceOptions& options;
 };
 
+/// Whether a pose is accepted without evidence that takes long: the agreement of mirror images, and
+/// mirrored CTs. Its `wrong_probability` must be far below `limit`, and its blocks must agree more
+/// than those of a mirrored CT of a nearly symmetric kidney, where other evidence says nothing.
+bool is_beyond_doubt(const Measures& measures, double limit);
+
 /// Gathers the evidence on one set of images.
 class Evidence {
  public:
@@ -56,9 +61,6 @@ class Evidence {
   /// Completes what `compare` made of the optima by measures from the field of view alone at the
   /// pose after its refinement, and takes the probability that the pose is wrong.
   void check(const Candidate& refined, Assessment& assessment, Run& run) const;
-  /// Whether a checked pose is so much less probably wrong than the limit allows that it is
-  /// accepted without evidence that takes long.
-  bool is_beyond_doubt(const Assessment& assessment) const;
   /// Whether it is neither beyond doubt nor surely wrong.
   bool leaves_doubt(const Assessment& assessment) const;
   /// Gathers the evidence that takes long, where it could decide about a checked pose: the
@@ -74,6 +76,7 @@ class Evidence {
   void compare_with_rivals(const std::vector<Candidate>& optima, const PatchComparison& patches,
                            Measures& measures) const;
   bool is_accepted(const Measures& measures) const;
+  bool is_beyond_doubt(const Assessment& assessment) const;
   void compare_clusters(const Candidate& refined, Measures& measures, Run& run) const;
   void compare_parts(const Candidate& refined, Assessment& result, Run& run) const;
   /// Errors of the acquisition, unless the refinement estimated them.

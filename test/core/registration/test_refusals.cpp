@@ -125,14 +125,14 @@ TEST(Refusals, ACtWithExchangedAxesIsNamed) {
                  "better with the second and third axes of the CT exchanged");
 }
 
-/// Below a 15th of the limit nothing is compared with exchanged axes. This limit is so low that
+/// Below a tenth of the limit nothing is compared with exchanged axes. This limit is so low that
 /// the right pose is compared with them, and it is accepted.
 TEST(Refusals, ARightPoseIsBetterThanAnyWithExchangedAxes) {
   constexpr double kLimit = 0.1;
   const RegistrationResult result =
       registered(agar_case(), nearby(agar_case()), with_limit(kLimit));
   EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
-  EXPECT_GT(result.measures.wrong_probability.value_or(0.0), kLimit / 15.0);
+  EXPECT_GT(result.measures.wrong_probability.value_or(0.0), 0.1 * kLimit);
 }
 
 /// The CT of another case, its kidney where that of the right CT is.

@@ -268,7 +268,7 @@ TEST(Registration, ThesisVariantBRunsAndIsJudgedLikeEveryPreset) {
   EXPECT_TRUE(result.covariance);
 }
 
-/// The measures of a right pose of `quick_options`, which is beyond doubt below a 15th of the
+/// The measures of a right pose of `quick_options`, which is beyond doubt below a tenth of the
 /// limit.
 Measures judged_by(EvidenceSource source, double limit) {
   RegistrationOptions options = quick_options();
@@ -280,7 +280,7 @@ Measures judged_by(EvidenceSource source, double limit) {
 TEST(Registration, APoseThatItsOwnEvidenceLeavesInDoubtIsJudgedAsPatientJudgesIt) {
   constexpr double kLowLimit = 0.1;
   const Measures own = judged_by(EvidenceSource::kOwn, kLowLimit);
-  EXPECT_GT(own.wrong_probability.value(), kLowLimit / 15.0);
+  EXPECT_GT(own.wrong_probability.value(), 0.1 * kLowLimit);
   const Measures as_patient = judged_by(EvidenceSource::kPatient, kLowLimit);
   EXPECT_NE(own.mirror_ratio, as_patient.mirror_ratio);
   EXPECT_NE(own.local_agreement, as_patient.local_agreement);

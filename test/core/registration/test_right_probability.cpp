@@ -112,20 +112,6 @@ TEST(RightProbability, BlocksThatAgreeHalfwayNeedOtherEvidence) {
   EXPECT_LT(right_probability(of_another_patient)->all(), 0.3);
 }
 
-/// Poses whose probability is above a 15th of its limit pay for evidence that takes long. The best
-/// evidence need not; blocks that agree as little as those of a mirrored CT of a nearly symmetric
-/// kidney must.
-TEST(RightProbability, BlocksThatAgreeHalfwayLeaveDoubt) {
-  constexpr double kLimit = 0.3;  // of the presets
-  Measures measures = strong_measures();
-  measures.mirror_ratio = measures.rival_ratio = 5.8;
-  measures.mirror_advantage = measures.rival_advantage = 6.0;
-  measures.local_agreement = 0.5;
-  EXPECT_LT(1.0 - right_probability(measures)->all(), kLimit / 15.0);
-  measures.local_agreement = 0.333;
-  EXPECT_GT(1.0 - right_probability(measures)->all(), kLimit / 15.0);
-}
-
 /// A nearly symmetric kidney fits its mirror image almost as well, but the blocks of the field
 /// agree less with each other there. If they agree more, the mirror image is the right one.
 TEST(RightProbability, AgreementOfMirrorImagesTellsSymmetricKidneysApart) {
