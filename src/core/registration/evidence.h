@@ -33,7 +33,7 @@ struct EvidenceInput {
 
 /// Whether a pose is accepted without evidence that takes long: the agreement of mirror images, and
 /// mirrored CTs. Its `wrong_probability` must be far below `limit`, and its blocks must agree more
-/// than those of a mirrored CT of a nearly symmetric kidney, where other evidence says nothing.
+/// than those of most mirrored CTs of nearly symmetric kidneys, where other evidence says nothing.
 bool is_beyond_doubt(const Measures& measures, double limit);
 
 /// Gathers the evidence on one set of images.
