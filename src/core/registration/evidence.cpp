@@ -68,8 +68,7 @@ double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
 bool is_beyond_doubt(const Measures& measures, double limit) {
   constexpr double kShareOfLimit = 0.1;
   // With mirrored CTs of nearly symmetric kidneys that left no other doubt, blocks have agreed by
-  // 0.33 to 0.36, and once by 0.46. They agree by less than 0.4 at one in twelve right poses that
-  // leave none.
+  // 0.33 to 0.36. They agree by less than 0.4 at one in twelve right poses that leave none.
   constexpr double kLeastAgreement = 0.4;
   const std::optional<double>& wrong = measures.wrong_probability;
   const std::optional<double>& agreement = measures.local_agreement;
