@@ -199,9 +199,7 @@ std::uint32_t CtServer::next_revision() {
 void CtServer::hold(const Loaded& loaded) {
   const std::uint32_t revision = next_revision();
   std_msgs::Header header;
-  // Simulated time is 0 before it begins, which is no valid stamp. The CT then gets the smallest
-  // stamp, because all ultrasound will be newer.
-  header.stamp = std::max(::ros::Time::now(), ::ros::TIME_MIN);
+  header.stamp = valid_stamp(::ros::Time::now());
   header.frame_id = ct_frame_;
   const auto volume =
       boost::make_shared<const msg::CtVolume>(to_message(loaded.ct.volume, header, revision));
@@ -317,7 +315,7 @@ void CtServer::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) 
     diagnosis.add("voxels", std::to_string(info_.size[0]) + " x " + std::to_string(info_.size[1]) +
                                 " x " + std::to_string(info_.size[2]) + part_);
     diagnosis.add("labels", info_.labels.size());
-    diagnosis.add("loaded since (s)", seconds_between(info_.header.stamp, ::ros::Time::now()));
+    diagnosis.add("loaded", stamp_and_age(info_.header.stamp, ::ros::Time::now()));
   }
   diagnosis.add("last error", last_error_);
 }

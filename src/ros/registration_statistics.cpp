@@ -13,12 +13,6 @@ using diagnostic_updater::DiagnosticStatusWrapper;
 /// The rate is taken over this time.
 constexpr std::chrono::seconds kRateWindow(10);
 
-std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {
-  // With simulated time, where nobody has published a clock yet.
-  if (stamp.isZero()) return "before the clock began";
-  return seconds_text(stamp) + " (" + seconds_text(seconds_between(stamp, now)) + " s ago)";
-}
-
 void describe_held(const HeldState& held, const ::ros::Time& now, DiagnosticStatusWrapper& status) {
   if (held.ct) {
     status.add("CT revision", held.ct->revision);

@@ -25,6 +25,11 @@ void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const s
                   " s ahead: the stamp is wrong, or the clocks disagree");
 }
 
+std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {
+  if (stamp <= ::ros::TIME_MIN) return "before the clock began";
+  return seconds_text(stamp) + " (" + seconds_text(seconds_between(stamp, now)) + " s ago)";
+}
+
 std::string seconds_text(double seconds) { return formatted("%.3f", seconds); }
 
 std::string seconds_text(const ::ros::Time& time) { return seconds_text(time.toSec()); }

@@ -2,6 +2,7 @@
 
 #include <ros/time.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 
@@ -38,6 +39,13 @@ inline double seconds_between(const ::ros::Time& earlier, const ::ros::Time& lat
 /// `now`. Nothing is known of the time while `now` is 0, before simulated time begins.
 void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source,
                        const std::string& field);
+
+/// A stamp for what comes at `now`. Simulated time is 0 before it begins, which is no valid stamp;
+/// the least one is taken then, since all that comes later is newer.
+inline ::ros::Time valid_stamp(const ::ros::Time& now) { return std::max(now, ::ros::TIME_MIN); }
+
+/// Like "1234.567 (2.000 s ago)". What was stamped before simulated time began has no age.
+std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now);
 
 /// Seconds with three decimals, like "1234.567".
 std::string seconds_text(double seconds);

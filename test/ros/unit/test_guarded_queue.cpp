@@ -69,5 +69,14 @@ TEST(Times, FarAheadOfTheClockAreRefused) {
   EXPECT_NO_THROW(require_not_ahead(::ros::Time(1031.0), ::ros::Time(), "volume", "stamp"));
 }
 
+TEST(Times, BeforeTheClockBeganHaveNoAge) {
+  const ::ros::Time now(1795620968.0);
+  EXPECT_EQ(stamp_and_age(valid_stamp(::ros::Time(1795620966.5)), now),
+            "1795620966.500 (1.500 s ago)");
+  const ::ros::Time before = valid_stamp(::ros::Time());
+  EXPECT_FALSE(before.isZero());
+  EXPECT_EQ(stamp_and_age(before, now), "before the clock began");
+}
+
 }  // namespace
 }  // namespace usct::ros_interface
