@@ -27,6 +27,10 @@ use_from() {  # use_from PREFIX: builds and runs the downstream package against 
   cmake --build "$work/downstream"
   LD_LIBRARY_PATH="$1/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" "$work/downstream/downstream"
   "$1/bin/usct" --help > /dev/null
+  # A module (src/core/module.h) is found wherever the library is.
+  printf '%s\n' '#Insight Transform File V1.0' '#Transform 0' 'Transform: Euler3DTransform_double_3_3' \
+    'Parameters: 0 0 0 1 2 3' 'FixedParameters: 0 0 0' > "$work/moved.tfm"
+  "$1/bin/usct" info "$work/moved.tfm" > /dev/null
   "$(find "$1/lib" "$1/share" -name study_report -perm /u+x)" --help > /dev/null
   if [[ $variant == core_only ]]; then
     ! "$1/bin/usct" bag --help 2> "$work/refusal"

@@ -73,10 +73,13 @@ class Evaluator {
   std::deque<std::pair<Eigen::VectorXd, double>> ahead_;
 };
 
-/// CMA-ES of pagmo; BOBYQA, Nelder-Mead and PRAXIS of NLopt; Gauss-Newton. evaluate_start() must
-/// have been called, except for Gauss-Newton, which evaluates the start with derivatives. They
-/// return the status of convergence, or throw what the evaluator throws.
-Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options);
+/// CMA-ES of pagmo, a module (module.h); BOBYQA, Nelder-Mead and PRAXIS of NLopt; Gauss-Newton.
+/// evaluate_start() must have been called, except for Gauss-Newton, which evaluates the start with
+/// derivatives. They return the status of convergence, or throw what the evaluator throws.
+struct CmaEs {
+  static constexpr const char* kModule = "cma_es";
+  Stop (*run)(Evaluator& evaluator, const OptimizerOptions& options);
+};
 Stop run_nlopt(Evaluator& evaluator, const OptimizerOptions& options);
 Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options);
 

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <utility>
 
+#include "module.h"
 #include "optimizer/evaluator.h"
 #include "us_ct_registration/error.h"
 
@@ -48,8 +49,9 @@ optimizer::Stop run(optimizer::Evaluator& evaluator, const OptimizerOptions& opt
   if (options.method == OptimizerMethod::kGaussNewton)
     return optimizer::run_gauss_newton(evaluator, options);
   evaluator.evaluate_start();
-  return options.method == OptimizerMethod::kCmaEs ? optimizer::run_cma_es(evaluator, options)
-                                                   : optimizer::run_nlopt(evaluator, options);
+  return options.method == OptimizerMethod::kCmaEs
+             ? module<optimizer::CmaEs>().run(evaluator, options)
+             : optimizer::run_nlopt(evaluator, options);
 }
 
 }  // namespace

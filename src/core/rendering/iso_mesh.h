@@ -15,10 +15,15 @@ enum class Smoothing {
   kBeforeDecimation
 };
 
-/// The surface of `field` at `iso`, in the frame of the grid, mm; larger values are inside. It is
-/// closed if all voxels of the border are outside. A surface of more than `most_triangles` is
-/// decimated; it can keep somewhat more than that if no more edges can be removed.
-Surface iso_mesh(const Volume<float>& field, float iso, Smoothing smoothing,
-                 std::size_t most_triangles);
+/// Meshes by VTK, a module (module.h).
+struct IsoMesh {
+  static constexpr const char* kModule = "iso_mesh";
+
+  /// The surface of `field` at `iso`, in the frame of the grid, mm; larger values are inside. It is
+  /// closed if all voxels of the border are outside. A surface of more than `most_triangles` is
+  /// decimated; it can keep somewhat more than that if no more edges can be removed.
+  Surface (*mesh)(const Volume<float>& field, float iso, Smoothing smoothing,
+                  std::size_t most_triangles);
+};
 
 }  // namespace usct

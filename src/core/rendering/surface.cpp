@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "module.h"
 #include "parallel.h"
 #include "rendering/iso_mesh.h"
 #include "us_ct_registration/error.h"
@@ -108,7 +109,8 @@ Surface bounded_surface(const Field<T>& field, std::size_t most_triangles) {
   for (;;) {
     const Eigen::Vector3i factors = factors_for(field.volume.grid, step_mm);
     const auto is_same = [&] { return factors_for(field.volume.grid, step_mm) == factors; };
-    Surface surface = iso_mesh(sampled(field, factors), field.iso, field.smoothing, most_triangles);
+    Surface surface =
+        module<IsoMesh>().mesh(sampled(field, factors), field.iso, field.smoothing, most_triangles);
     const bool is_lost = surface.triangles.empty() && factors != Eigen::Vector3i::Ones();
     if (is_lost) {
       lost_mm = step_mm;

@@ -1,79 +1,22 @@
 #include "us_ct_registration/rendering/surface_files.h"
 
-#include <vtkCellArray.h>
-#include <vtkNew.h>
-#include <vtkPLYWriter.h>
-#include <vtkPoints.h>
-#include <vtkPolyData.h>
-
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <stdexcept>
-#include <string_view>
 
 #include "io/bytes.h"
+#include "module.h"
+#include "rendering/ply_files.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 
 namespace usct {
 namespace {
 
-using Colour = std::array<float, 3>;
-
-vtkNew<vtkPolyData> mesh_of(const Surface& surface) {
-  const vtkNew<vtkPoints> points;
-  for (const Eigen::Vector3d& p_mm : surface.points_mm) points->InsertNextPoint(p_mm.data());
-  const vtkNew<vtkCellArray> triangles;
-  for (const auto& [a, b, c] : surface.triangles) triangles->InsertNextCell({a, b, c});
-  vtkNew<vtkPolyData> mesh;
-  mesh->SetPoints(points);
-  mesh->SetPolys(triangles);
-  return mesh;
-}
-
 /// The text without line breaks, which would end its line of a header.
 std::string in_one_line(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](unsigned char letter) { return letter < ' '; }, ' ');
   return text;
-}
-
-/// VTK does not notice a full disk while it writes a PLY file: the length of the file tells.
-bool is_whole_ply(const std::filesystem::path& path, vtkPolyData& mesh, std::size_t point_bytes) {
-  // A name may hold the word, but not on a line of its own.
-  constexpr std::string_view kEnd = "\nend_header\n";
-  constexpr std::size_t kTriangleBytes = 1 + 3 * 4;
-  const io::Bytes bytes = io::read_bytes(path);
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  const std::size_t header = text.find(kEnd);
-  return header != std::string_view::npos &&
-         text.size() == header + kEnd.size() +
-                            point_bytes * static_cast<std::size_t>(mesh.GetNumberOfPoints()) +
-                            kTriangleBytes * static_cast<std::size_t>(mesh.GetNumberOfPolys());
-}
-
-void write_ply(vtkPolyData& mesh, const std::string& name, const std::optional<Colour>& colour,
-               const std::filesystem::path& path) {
-  const vtkNew<vtkPLYWriter> writer;
-  writer->SetInputData(&mesh);
-  writer->AddComment("SPACE=LPS");
-  writer->AddComment("unit mm");
-  writer->AddComment("name " + in_one_line(name));
-  std::size_t point_bytes = 3 * 4;
-  if (colour) {
-    const auto byte = [&](std::size_t channel) {
-      return static_cast<unsigned char>(std::lround(255.0F * (*colour)[channel]));
-    };
-    writer->SetColorModeToUniformPointColor();
-    writer->SetColor(byte(0), byte(1), byte(2));
-    point_bytes += 3;
-  }
-  write_atomically(path, [&](const std::filesystem::path& temporary) {
-    writer->SetFileName(temporary.c_str());
-    if (writer->Write() == 0 || !is_whole_ply(temporary, mesh, point_bytes))
-      throw std::runtime_error(path.string() + ": VTK could not write the PLY file");
-  });
 }
 
 void append(const Eigen::Vector3d& vector, io::Bytes& bytes) {
@@ -114,11 +57,12 @@ void require_surface_extension(const std::filesystem::path& path) {
 }
 
 void write_surface(const Surface& surface, const std::string& name,
-                   const std::optional<Colour>& colour, const std::filesystem::path& path) {
+                   const std::optional<std::array<float, 3>>& colour,
+                   const std::filesystem::path& path) {
   require_surface_extension(path);
   if (surface.triangles.empty()) throw InputError(path.string(), "no triangles to write");
   if (path.extension() == ".ply")
-    write_ply(*mesh_of(surface), name, colour, path);
+    module<PlyFiles>().write(surface, in_one_line(name), colour, path);
   else
     write_stl(surface, name, path);
 }

@@ -1,13 +1,11 @@
 #include "io/dicom/dicom_codecs.h"
 
-#include <gdcmBitmap.h>
-#include <gdcmSequenceOfFragments.h>
-#include <gdcmTrace.h>
-
 #include <algorithm>
 #include <array>
 #include <optional>
 
+#include "io/dicom/gdcm_codecs.h"
+#include "module.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
 
@@ -131,49 +129,6 @@ Bytes check_stream(const std::string& source, Codec codec, const FrameFormat& fo
   return std::move(checked->bytes);
 }
 
-void silence_gdcm() {
-  static const bool once = [] {
-    gdcm::Trace::DebugOff();
-    gdcm::Trace::WarningOff();
-    gdcm::Trace::ErrorOff();
-    return true;
-  }();
-  static_cast<void>(once);
-}
-
-Bytes decompress_by_gdcm(const std::string& source, const std::string& transfer_syntax_uid,
-                         const FrameFormat& format, const Bytes& stream) {
-  silence_gdcm();
-  gdcm::Fragment fragment;
-  fragment.SetByteValue(reinterpret_cast<const char*>(stream.data()),
-                        static_cast<std::uint32_t>(stream.size()));
-  gdcm::SmartPointer<gdcm::SequenceOfFragments> fragments = new gdcm::SequenceOfFragments;
-  fragments->AddFragment(fragment);
-  gdcm::DataElement pixels(gdcm::Tag(0x7fe0, 0x0010));
-  pixels.SetValue(*fragments);
-
-  gdcm::Bitmap bitmap;
-  bitmap.SetNumberOfDimensions(2);
-  bitmap.SetDimension(0, static_cast<unsigned>(format.columns));
-  bitmap.SetDimension(1, static_cast<unsigned>(format.rows));
-  bitmap.SetPixelFormat(gdcm::PixelFormat(1, static_cast<std::uint16_t>(format.bits_allocated),
-                                          static_cast<std::uint16_t>(format.bits_stored),
-                                          static_cast<std::uint16_t>(format.bits_stored - 1),
-                                          format.is_signed ? 1 : 0));
-  bitmap.SetPhotometricInterpretation(gdcm::PhotometricInterpretation::MONOCHROME2);
-  bitmap.SetTransferSyntax(gdcm::TransferSyntax::GetTSType(transfer_syntax_uid.c_str()));
-  bitmap.SetDataElement(pixels);
-  Bytes out(format.bytes());
-  bool decoded = false;
-  try {
-    decoded = bitmap.GetBufferLength() == out.size() &&
-              bitmap.GetBuffer(reinterpret_cast<char*>(out.data()));
-  } catch (const std::exception&) {  // the message of the exception says no more than ours
-  }
-  if (!decoded) throw InputError(source, "compressed pixels cannot be decoded: damaged");
-  return out;
-}
-
 /// Decodes one segment (PS3.5 G.3.1). Returns false unless it gives exactly `count` bytes.
 bool unpack_bits(const std::uint8_t* in, const std::uint8_t* end, std::uint8_t* out,
                  std::size_t count, std::size_t stride) {
@@ -235,8 +190,10 @@ std::vector<std::uint8_t> decompress_frame(const std::string& source,
       throw InputError(source, "pixels compressed by RLE are cut short or damaged");
     return decompress_rle(source, format, stream);
   }
-  return decompress_by_gdcm(source, transfer_syntax_uid, format,
-                            check_stream(source, syntax->codec, format, stream));
+  const std::optional<Bytes> values = module<GdcmCodecs>().decode(
+      transfer_syntax_uid, format, check_stream(source, syntax->codec, format, stream));
+  if (!values) throw InputError(source, "compressed pixels cannot be decoded: damaged");
+  return *values;
 }
 
 }  // namespace usct::io

@@ -1,10 +1,22 @@
 #include "us_ct_registration/io/results/transform_io.h"
 
 #include "io/results/itk_transform.h"
+#include "module.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
+namespace {
+
+const io::TransformFiles& files_of(const std::filesystem::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension == ".tfm" || extension == ".txt") return module<io::TextTransformFiles>();
+  if (extension == ".h5" || extension == ".hdf5") return module<io::Hdf5TransformFiles>();
+  throw InputError(path.string(), "extension is '" + extension +
+                                      "', must be .tfm, .txt, .h5 or .hdf5 (ITK transform)");
+}
+
+}  // namespace
 
 bool has_transform_extension(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
@@ -12,7 +24,7 @@ bool has_transform_extension(const std::filesystem::path& path) {
 }
 
 Eigen::Isometry3d read_T_us_ct(const std::filesystem::path& path) {
-  const io::LinearMap map = io::read_itk_transform(path);
+  const io::LinearMap map = files_of(path).read(path);
   Eigen::Isometry3d T_ct_us = Eigen::Isometry3d::Identity();
   for (int row = 0; row < 3; ++row) {
     const auto i = static_cast<std::size_t>(row);
@@ -37,7 +49,7 @@ void write_T_us_ct(const Eigen::Isometry3d& T_us_ct, const std::filesystem::path
       map.matrix[i][static_cast<std::size_t>(column)] = T_ct_us.linear()(row, column);
     map.translation[i] = T_ct_us.translation()[row];
   }
-  io::write_itk_transform(map, path);
+  files_of(path).write(map, path);
 }
 
 }  // namespace usct

@@ -1,5 +1,3 @@
-#include "rendering/iso_mesh.h"
-
 #include <vtkCellArray.h>
 #include <vtkFloatArray.h>
 #include <vtkFlyingEdges3D.h>
@@ -12,6 +10,8 @@
 #include <vtkWindowedSincPolyDataFilter.h>
 
 #include <utility>
+
+#include "rendering/iso_mesh.h"
 
 namespace usct {
 namespace {
@@ -90,8 +90,6 @@ Surface in_frame_of(const Grid& grid, const Mesh& mesh) {
   return surface;
 }
 
-}  // namespace
-
 Surface iso_mesh(const Volume<float>& field, float iso, Smoothing smoothing,
                  std::size_t most_triangles) {
   Mesh mesh = flying_edges(field, iso);
@@ -102,4 +100,10 @@ Surface iso_mesh(const Volume<float>& field, float iso, Smoothing smoothing,
   return in_frame_of(field.grid, mesh);
 }
 
+}  // namespace
 }  // namespace usct
+
+extern "C" const void* usct_module() {
+  static const usct::IsoMesh functions{usct::iso_mesh};
+  return &functions;
+}

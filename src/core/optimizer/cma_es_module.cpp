@@ -98,8 +98,6 @@ class Stagnation {
   std::deque<double> bests_;
 };
 
-}  // namespace
-
 Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
   const auto dimension = static_cast<std::size_t>(evaluator.lower().size());
   const std::size_t size = options.population > 0
@@ -132,4 +130,10 @@ Stop run_cma_es(Evaluator& evaluator, const OptimizerOptions& options) {
   }
 }
 
+}  // namespace
 }  // namespace usct::optimizer
+
+extern "C" const void* usct_module() {
+  static const usct::optimizer::CmaEs functions{usct::optimizer::run_cma_es};
+  return &functions;
+}
