@@ -54,9 +54,10 @@ struct OptimizerProblem {
   /// it counts as worse than every finite cost. An exception ends the optimization and reaches the
   /// caller.
   std::function<double(const Eigen::VectorXd&)> cost;
-  /// The cost with its derivatives, called like `cost`; its values have the same bits. Only
+  /// The cost with its derivatives, called like `cost`; its values have the same bits. Derivatives
+  /// are not used, and may be missing, where the cost is not below `below`. Only
   /// OptimizerMethod::kGaussNewton needs it; empty for a cost without derivatives.
-  std::function<CostModel(const Eigen::VectorXd&, bool with_curvature)> model;
+  std::function<CostModel(const Eigen::VectorXd&, bool with_curvature, double below)> model;
   /// The costs of several points, called like `cost`; the values have the same bits. CMA-ES asks
   /// for a generation at once, where that is faster than one point after the other; empty if it is
   /// not.

@@ -45,32 +45,16 @@ struct LevelOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// A search goes on in further rounds while its best optimum is refused, and is no better than
-/// chance or no firmer than a wrong pose.
-struct RoundOptions {
-  /// Greatest number of rounds; [1, 6].
-  int most = 3;
-  /// Round r, counted from 0, has growth^r times the starts of the first; [1, 16].
-  int growth = 2;
-  /// From the second round on, the levels optimise and keep breadth * growth^r times as many optima
-  /// as in the first, the deciding level deciding_breadth * growth^r times; [1, 64].
-  int breadth = 1;
-  int deciding_breadth = 1;
-  /// Every other round (the second, the fourth...) spreads its starts over this share of the region
-  /// and climbs straight at the deciding level: an optimum that only that level shows has a narrow
-  /// peak, which is found if starts are dense; (0, 1].
-  double near_share = 0.5;
-
-  void validate(const std::string& source) const;
-};
-
 /// Multi-start search, coarse to fine.
 struct SearchOptions {
   /// Starts around the initial pose; unset: the initial pose alone.
   std::optional<StartOptions> starts = StartOptions{};
   /// The levels, coarse to fine; at least one. The last one is the deciding level.
   std::vector<LevelOptions> levels;
-  RoundOptions rounds;
+  /// Greatest number of rounds; [1, 32]. A search goes on in another round, from starts of its own,
+  /// while its best optimum is refused, and is no better than chance or no firmer than a wrong
+  /// pose.
+  int rounds = 12;
   /// Optima closer than this (mean displacement of the field of view) count as one, mm.
   double distinct_mm = 4.0;
   /// Number of distinct optima that are kept at the end; >= 1.
@@ -113,17 +97,6 @@ constexpr auto words_of(EvidenceSource) {
        {EvidenceSource::kPatient, "patient"}}};
 }
 
-/// The search for mirrored ultrasound. It differs from that for the ultrasound at the deciding
-/// level only: the height of the best optimum is needed, and not its exact place.
-struct DecoyOptions {
-  /// Number of candidates that are optimised at the deciding level, if the search has more; >= 1.
-  int optimised = 4;
-  /// Factor on the step tolerance of that level's optimizer; >= 1.
-  double tolerance_factor = 4.0;
-
-  void validate(const std::string& source) const;
-};
-
 /// Parts of the field: climbs from the pose by each half of the lines and of the frames, on the
 /// images of the deciding level.
 struct PartOptions {
@@ -159,7 +132,6 @@ struct ConfidenceOptions {
   /// An optimum farther than this from the best one is a rival, mm; a closer one lies on the slope
   /// of the best one; >= 0.
   double rival_mm = 10.0;
-  DecoyOptions decoys;
   /// Similarities of patches on the images of the deciding level, which did not choose the pose:
   /// almost without a ridge, where faint structure counts as well as edges, and with one. One
   /// without parts gives no evidence.

@@ -64,10 +64,17 @@ class Similarity {
                         const Check& check) const = 0;
 
   /// Value and derivatives at a pose, of a similarity that has derivatives
-  /// (SimilarityNeeds::has_derivatives). The threads share the patches.
+  /// (SimilarityNeeds::has_derivatives). The threads share the patches. Where the value is not
+  /// above `above`, derivatives may be missing (0), since a climb does not go there: a similarity
+  /// that knows its value first spares them.
   virtual std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& /*pose*/,
-                                                           DerivativeOrder /*order*/) const {
+                                                           DerivativeOrder /*order*/,
+                                                           double /*above*/) const {
     return std::nullopt;
+  }
+  std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
+                                                   DerivativeOrder order) const {
+    return derivatives(pose, order, -std::numeric_limits<double>::infinity());
   }
 
   /// Contributions of the parts of the ultrasound (patches) at a pose; the value is their sum. A

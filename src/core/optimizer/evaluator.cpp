@@ -65,11 +65,12 @@ Eigen::VectorXd Evaluator::in_box(const Eigen::VectorXd& units) const {
   return result;
 }
 
-CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature) {
+CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature, double below) {
   const Eigen::VectorXd parameters = next(units);
-  CostModel model = problem_.model(parameters, with_curvature);
+  CostModel model = problem_.model(parameters, with_curvature, below);
   record(parameters, model.cost);
   if (!std::isfinite(model.cost)) return {};
+  if (!(model.cost < below)) return {model.cost, {}, {}};
   model.gradient = model.gradient.cwiseProduct(problem_.scale).eval();
   if (with_curvature)
     model.curvature =

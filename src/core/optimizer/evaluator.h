@@ -46,9 +46,10 @@ class Evaluator {
   /// if the problem can. It does not count as evaluations, and does not look beyond the budget.
   void look_ahead(const std::vector<Eigen::VectorXd>& units);
 
-  /// The cost with derivatives by the displacement in units of `scale`, of a point in the box. The
-  /// cost is NaN where it is not finite. Throws Stop.
-  CostModel model_at(const Eigen::VectorXd& units, bool with_curvature);
+  /// The cost with derivatives by the displacement in units of `scale`, of a point in the box; they
+  /// may be missing where the cost is not below `below`. It is NaN where it is not finite. Throws
+  /// Stop.
+  CostModel model_at(const Eigen::VectorXd& units, bool with_curvature, double below);
 
   OptimizerResult result(const Stop& stop) const;
 

@@ -1,6 +1,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "optimizer/evaluator.h"
@@ -90,7 +91,7 @@ class CurvatureUpdate {
 
 Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options) {
   VectorXd at = VectorXd::Zero(evaluator.lower().size());
-  CostModel here = evaluator.model_at(at, true);
+  CostModel here = evaluator.model_at(at, true, std::numeric_limits<double>::infinity());
   if (!std::isfinite(here.cost))
     throw Stop{OptimizerStatus::kFailed,
                "the cost is not finite at the start, which gauss_newton needs"};
@@ -105,13 +106,16 @@ Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options) {
       return {OptimizerStatus::kConverged, "the step is shorter than 'step_tolerance'"};
     }
     const double expected = -here.gradient.dot(step) - 0.5 * step.dot(curvature * step);
-    CostModel there = evaluator.model_at(at + step, false);
+    CostModel there = evaluator.model_at(at + step, false, here.cost);
     const double decrease = here.cost - there.cost;
-    if (std::isfinite(there.cost)) update(curvature, step, there.gradient - here.gradient);
     if (!(decrease > 0.0)) {  // also if the cost is not finite
-      radius = 0.25 * length;
+      // The minimum of the parabola through both costs and the slope.
+      const double slope = here.gradient.dot(step);
+      const double share = std::isfinite(there.cost) ? slope / (2.0 * (decrease + slope)) : 0.25;
+      radius = std::clamp(share, 0.1, 0.5) * length;
       continue;
     }
+    update(curvature, step, there.gradient - here.gradient);
     at += step;
     here = std::move(there);
     if (decrease < options.cost_tolerance)

@@ -94,11 +94,11 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
   if (optimizer.method == OptimizerMethod::kGaussNewton) {
     // There are no derivatives by the errors.
     if (problem.start.size() > 6) optimizer.method = OptimizerMethod::kBobyqa;
-    problem.model = [&](const VectorXd& x, bool with_curvature) {
+    problem.model = [&](const VectorXd& x, bool with_curvature, double below) {
       run.check_cancelled();
       const auto order = with_curvature ? DerivativeOrder::kCurvature : DerivativeOrder::kGradient;
       const SimilarityDerivatives derivatives =
-          similarity.derivatives(parameters.candidate(x).pose(), order).value();
+          similarity.derivatives(parameters.candidate(x).pose(), order, -below).value();
       cost_of(derivatives.value);
       return parameters.model(x, derivatives);
     };

@@ -45,9 +45,8 @@ Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
 }
 
 /// The best optimum of a search with mirrored ultrasound; without a value if there is none.
-Candidate best_of(const SearchProblem& problem, const SearchOptions& search,
-                  const Isometry3d& T_mirror, const Isometry3d& T_us_ct_found, int rounds,
-                  Run& run) {
+Candidate best_of(const SearchProblem& problem, const Isometry3d& T_mirror,
+                  const Isometry3d& T_us_ct_found, int rounds, Run& run) {
   std::deque<MirroredSimilarity> mirrored;  // does not move its elements
   const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
     return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, T_mirror);
@@ -56,8 +55,8 @@ Candidate best_of(const SearchProblem& problem, const SearchOptions& search,
   for (const LevelSimilarities& level : problem.similarities)
     similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
   // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
-  const SearchProblem decoy{similarities,  search,       problem.T_us_ct_initial,
-                            problem.field, problem.seed, T_us_ct_found};
+  const SearchProblem decoy{similarities,  problem.options, problem.T_us_ct_initial,
+                            problem.field, problem.seed,    T_us_ct_found};
   std::vector<Candidate> optima;
   for (int round = 0; round < rounds; ++round)
     optima = multi_start(decoy, round, std::move(optima), run);
@@ -66,12 +65,10 @@ Candidate best_of(const SearchProblem& problem, const SearchOptions& search,
 
 /// The decoys with the poses that were found for them; without those that have none.
 std::vector<Decoy> found(std::vector<Decoy> decoys, const SearchProblem& problem,
-                         const Isometry3d& T_us_ct_found, const DecoyOptions& options, int rounds,
-                         Run& run) {
-  const SearchOptions search = decoy_search(problem.options, options);
+                         const Isometry3d& T_us_ct_found, int rounds, Run& run) {
   parallel_for(static_cast<int>(decoys.size()), [&](int i) {
     Decoy& decoy = decoys[static_cast<std::size_t>(i)];
-    decoy.best = best_of(problem, search, decoy.T_mirror, T_us_ct_found, rounds, run);
+    decoy.best = best_of(problem, decoy.T_mirror, T_us_ct_found, rounds, run);
   });
   decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
                               [](const Decoy& decoy) { return !decoy.best.has_value(); }),
@@ -80,17 +77,6 @@ std::vector<Decoy> found(std::vector<Decoy> decoys, const SearchProblem& problem
 }
 
 }  // namespace
-
-SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options) {
-  SearchOptions decoy = search;
-  LevelOptions& deciding = decoy.levels.back();
-  deciding.optimised = std::min(deciding.optimised, options.optimised);
-  double& tolerance = deciding.optimizer.step_tolerance;
-  // An optimizer's tolerance must stay below its first step.
-  tolerance = std::max(tolerance, std::min(options.tolerance_factor * tolerance,
-                                           0.5 * deciding.optimizer.initial_step));
-  return decoy;
-}
 
 Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centre_us_mm) {
   const FieldAxes axes = field_axes(beams);
@@ -115,8 +101,9 @@ void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count
 }
 
 std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const SimilarityPose& pose,
-                                                                     DerivativeOrder order) const {
-  std::optional<SimilarityDerivatives> result = original_.derivatives(mirrored(pose), order);
+                                                                     DerivativeOrder order,
+                                                                     double above) const {
+  std::optional<SimilarityDerivatives> result = original_.derivatives(mirrored(pose), order, above);
   if (!result) return result;
   // A sample q of the original lies at p = L q + s. A motion w x p + t of p moves q by
   // L^T (w x (L q + s) + t) = det(L) (L^T w) x q + L^T (w x s + t).
@@ -135,18 +122,18 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
 
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
-                                 const DecoyOptions& options, int rounds, Run& run) {
+                                 int rounds, Run& run) {
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn}) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
     decoys.push_back({mirror, mirror_of(mirror, beams, problem.field.centre_us_mm()), {}});
   }
-  return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
+  return found(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
 
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       const Eigen::Isometry3d& T_us_ct_found, const Matrix3d& axes,
-                                      const DecoyOptions& options, int rounds, Run& run) {
+                                      int rounds, Run& run) {
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kCtAxis1, Mirror::kCtAxis2, Mirror::kCtAxis3,
                               Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23})
@@ -154,7 +141,7 @@ std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
         {mirror,
          ct_mirror_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
          {}});
-  return found(std::move(decoys), problem, T_us_ct_found, options, rounds, run);
+  return found(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
 
 }  // namespace usct::registration

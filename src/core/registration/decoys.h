@@ -37,8 +37,10 @@ class MirroredSimilarity final : public Similarity {
   using Similarity::evaluate;
   void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                 const Check& check) const override;
+  using Similarity::derivatives;
   std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
-                                                   DerivativeOrder order) const override;
+                                                   DerivativeOrder order,
+                                                   double above) const override;
   std::vector<double> parts(const SimilarityPose& pose) const override {
     return original_.parts(mirrored(pose));
   }
@@ -63,20 +65,15 @@ struct Decoy {
   Candidate best;
 };
 
-/// The search of a decoy: as many starts, but no more climbs at the deciding level than the options
-/// say, and these end sooner, since only the height of the best optimum counts.
-SearchOptions decoy_search(const SearchOptions& search, const DecoyOptions& options);
-
 /// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
 /// was found for it too. Decoys without any value are left out.
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
-                                 const DecoyOptions& options, int rounds, Run& run);
+                                 int rounds, Run& run);
 
 /// Searches in the same way for ultrasound that is mirrored as a mirrored CT would be.
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       const Eigen::Isometry3d& T_us_ct_found,
-                                      const Eigen::Matrix3d& axes, const DecoyOptions& options,
-                                      int rounds, Run& run);
+                                      const Eigen::Matrix3d& axes, int rounds, Run& run);
 
 }  // namespace usct::registration

@@ -144,8 +144,8 @@ void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) c
 void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison& patches,
                                    Assessment& result, Run& run) {
   if (!decoys_)
-    decoys_ = search_decoys(in_.problem, best.T_us_ct, in_.images.prepared.us->beams,
-                            in_.options.decoys, decoy_rounds_, run);
+    decoys_ =
+        search_decoys(in_.problem, best.T_us_ct, in_.images.prepared.us->beams, decoy_rounds_, run);
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
@@ -237,8 +237,8 @@ void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& asses
   const PatchComparison patches(in_.images, in_.options, best);
   Measures& measures = assessment.measures;
   std::optional<Decoy> better;
-  for (const Decoy& decoy : search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction,
-                                               in_.options.decoys, decoy_rounds_, run)) {
+  for (const Decoy& decoy :
+       search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction, decoy_rounds_, run)) {
     if (!(decoy.best.value > (better ? better->best : best).value)) continue;
     const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
     if (!(advantage < 0.0)) continue;

@@ -6,55 +6,32 @@
 namespace usct::registration {
 namespace {
 
-/// The factor growth^round.
-std::size_t growth_of(const RoundOptions& rounds, int round) {
-  std::size_t growth = 1;
-  for (int r = 0; r < round; ++r) growth *= static_cast<std::size_t>(rounds.growth);
-  return growth;
-}
-
-bool looks_near(int round) { return round % 2 == 1; }
-
 std::size_t deciding_level(const SearchProblem& problem) {
   return problem.options.levels.size() - 1;
 }
 
-/// Factor on the number of optima that a level climbs to and keeps, relative to the first round.
-std::size_t breadth_of(const SearchProblem& problem, std::size_t level, int round) {
-  if (round == 0) return 1;
-  const RoundOptions& rounds = problem.options.rounds;
-  const int breadth = level == deciding_level(problem) ? rounds.deciding_breadth : rounds.breadth;
-  return growth_of(rounds, round) * static_cast<std::size_t>(breadth);
-}
-
-/// The starts of a round. The rounds take consecutive parts of one sequence, each `growth` times as
-/// long as the part before. The first part begins with the initial pose.
+/// The starts of a round. The rounds take consecutive parts of one sequence. The first part begins
+/// with the initial pose.
 std::vector<Candidate> starts_of(const SearchProblem& problem, int round) {
   if (!problem.options.starts) return {{problem.T_us_ct_initial, {}}};
-  const RoundOptions& rounds = problem.options.rounds;
   StartOptions all = *problem.options.starts;
-  const auto count = static_cast<std::size_t>(all.count);
-  std::size_t first = 0;
-  for (int before = 0; before < round; ++before) first += growth_of(rounds, before) * count;
-  all.count = static_cast<int>(first + growth_of(rounds, round) * count);
-  const double share = looks_near(round) ? rounds.near_share : 1.0;
-  all.rotation_rad *= share;
-  all.translation_mm *= share;
+  const int first = round * all.count;
+  all.count += first;
   const PoseParameters pose(problem.T_us_ct_initial, problem.field.us_mm());
   const std::vector<PoseVector> vectors = spread_starts(pose, all);
   std::vector<Candidate> candidates;
-  for (std::size_t i = first; i < vectors.size(); ++i)
+  for (auto i = static_cast<std::size_t>(first); i < vectors.size(); ++i)
     candidates.push_back({pose.T_us_ct(vectors[i]), {}});
   return candidates;
 }
 
 /// Keeps the best candidates by a part of the samples, if a level screens and there are more.
-void screen(const SearchProblem& problem, std::size_t at, std::size_t breadth,
-            std::vector<Candidate>& candidates, Run& run) {
+void screen(const SearchProblem& problem, std::size_t at, std::vector<Candidate>& candidates,
+            Run& run) {
   const std::optional<int>& screened = problem.options.levels[at].screened;
   const Similarity* similarity = problem.similarities[at].screening;
   if (!screened || similarity == nullptr) return;
-  const std::size_t most = breadth * static_cast<std::size_t>(*screened);
+  const auto most = static_cast<std::size_t>(*screened);
   if (candidates.size() <= most) return;
   evaluate(*similarity, candidates, run);
   sort_best_first(candidates, most);
@@ -63,13 +40,12 @@ void screen(const SearchProblem& problem, std::size_t at, std::size_t breadth,
 /// The best distinct optima of one level that are reached from the candidates. A choice among them
 /// compares them first; those that a level before has chosen are climbed from as they are.
 std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at, int round,
-                                   int optimised, std::vector<Candidate> candidates, Run& run) {
+                                   std::vector<Candidate> candidates, Run& run) {
   const LevelOptions& level = problem.options.levels[at];
   const Similarity& similarity = *problem.similarities[at].all;
-  const std::size_t breadth = breadth_of(problem, at, round);
-  const std::size_t most = breadth * static_cast<std::size_t>(optimised);
+  const auto most = static_cast<std::size_t>(level.optimised);
   if (candidates.size() > most || !candidates.front().has_value()) {
-    screen(problem, at, breadth, candidates, run);
+    screen(problem, at, candidates, run);
     evaluate(similarity, candidates, run);
     sort_best_first(candidates, most);
   }
@@ -82,7 +58,7 @@ std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at,
   climb(similarity, {level.optimizer, level.reach_mm, {}, problem.seed}, problem.field, candidates,
         run);
   return best_distinct(std::move(candidates), problem.options.distinct_mm,
-                       breadth * static_cast<std::size_t>(level.kept), problem.field);
+                       static_cast<std::size_t>(level.kept), problem.field);
 }
 
 }  // namespace
@@ -91,13 +67,8 @@ std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run) {
   const SearchOptions& options = problem.options;
   std::vector<Candidate> candidates = starts_of(problem, round);
-  // A near round enters at the deciding level, and climbs from as many starts there as the first
-  // level does otherwise.
-  const std::size_t entry = looks_near(round) ? deciding_level(problem) : 0;
-  for (std::size_t level = entry; level <= deciding_level(problem); ++level)
-    candidates =
-        climb_level(problem, level, round, options.levels[level == entry ? 0 : level].optimised,
-                    std::move(candidates), run);
+  for (std::size_t level = 0; level <= deciding_level(problem); ++level)
+    candidates = climb_level(problem, level, round, std::move(candidates), run);
   candidates.insert(candidates.end(), found.begin(), found.end());
   candidates = best_distinct(std::move(candidates), options.distinct_mm,
                              static_cast<std::size_t>(options.most_optima), problem.field);

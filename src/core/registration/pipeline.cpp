@@ -112,14 +112,14 @@ Outcome<PipelineResult> Pipeline::search() {
     if (optima.empty())
       return Refusal{RegistrationStatus::kNoOverlap,
                      "no pose in reach has CT and ultrasound overlap"};
-    const bool is_last = round + 1 == options_.search.rounds.most;
+    const bool is_last = round + 1 == options_.search.rounds;
     const Assessment compared =
         run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
-    run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds.most);
+    run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
     const Outcome<Judged> best = judged(assessor, optima, compared, round + 1);
     if (!best) return best.refusal();
-    run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds.most);
+    run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds);
     if (best->failure && !is_last && may_be_missed(best->assessment)) continue;
     PipelineResult found{result_of(optima, best->refined, best->assessment, best->failure), {}};
     if (!best->failure) found.trail = trail(assessor, optima, *best);

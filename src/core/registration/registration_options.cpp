@@ -40,7 +40,7 @@ std::vector<LevelOptions> patient_levels() {
   LevelOptions deciding;
   metric.patches = patches(8.0, 11.0);
   deciding.similarity = metric;
-  deciding.optimizer = climb_by(OptimizerMethod::kGaussNewton, 2.0, 0.1);
+  deciding.optimizer = climb_by(OptimizerMethod::kGaussNewton, 2.0, 0.4);
   deciding.screened = 64;
   deciding.optimised = 4;
   deciding.kept = 5;
@@ -112,20 +112,12 @@ void LevelOptions::validate(const std::string& source) const {
   if (screened) require(*screened >= optimised, source, "screened", *screened, ">= optimised");
 }
 
-void RoundOptions::validate(const std::string& source) const {
-  require_within(source, "most", most, 1, 6);
-  require_within(source, "growth", growth, 1, 16);
-  require_within(source, "breadth", breadth, 1, 64);
-  require_within(source, "deciding_breadth", deciding_breadth, 1, 64);
-  require(near_share > 0.0 && near_share <= 1.0, source, "near_share", near_share, "within (0, 1]");
-}
-
 void SearchOptions::validate(const std::string& source) const {
   if (starts) starts->validate(source + ".starts");
   require(!levels.empty(), source, "levels", 0.0, "one at least");
   for (std::size_t i = 0; i < levels.size(); ++i)
     levels[i].validate(source + ".levels[" + std::to_string(i) + "]");
-  rounds.validate(source + ".rounds");
+  require_within(source, "rounds", rounds, 1, 32);
   require_not_negative(source, "distinct_mm", distinct_mm);
   require(most_optima >= 1, source, "most_optima", most_optima, ">= 1");
   require_not_negative(source, "ct_margin_mm", ct_margin_mm);
@@ -144,12 +136,6 @@ void RefinementOptions::validate(const std::string& source) const {
           only);
   require(sweep_error == 0.0 || needs.follows_sweep_error, source, "sweep_error", sweep_error,
           only);
-}
-
-void DecoyOptions::validate(const std::string& source) const {
-  require(optimised >= 1, source, "optimised", optimised, ">= 1");
-  require(std::isfinite(tolerance_factor) && tolerance_factor >= 1.0, source, "tolerance_factor",
-          tolerance_factor, "finite and >= 1");
 }
 
 void PartOptions::validate(const std::string& source) const {
@@ -171,7 +157,6 @@ void ErrorOptions::validate(const std::string& source) const {
 void ConfidenceOptions::validate(const std::string& source) const {
   gates.validate(source + ".gates");
   require_not_negative(source, "rival_mm", rival_mm);
-  decoys.validate(source + ".decoys");
   usct::validate(similarity, source + ".similarity");
   usct::validate(ridge_similarity, source + ".ridge_similarity");
   require_positive(source, "cluster_mm", cluster_mm);

@@ -65,11 +65,10 @@ std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
   sort_best_first(optima, optima.size());
   optima.insert(optima.begin(), tracked);
 
-  const SearchOptions decoy_options = decoy_search(problem.options, confidence.decoys);
   Followed followed{std::move(optima), {}};
   for (const Decoy& before : trail.decoys) {
     const Decoy decoy = follow_decoy(before, T_now_before, tracked.T_us_ct, problem, beams,
-                                     decoy_options.levels.back(), reach_mm, run);
+                                     problem.options.levels.back(), reach_mm, run);
     if (decoy.best.has_value()) followed.decoys.push_back(decoy);
   }
   return followed;

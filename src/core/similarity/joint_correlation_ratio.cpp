@@ -17,16 +17,17 @@ class JointCorrelationRatio final : public PoseByPose {
       : images_(std::move(images)), options_(options), centred_(*images_.us) {}
 
   std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
-                                                   DerivativeOrder order) const override {
+                                                   DerivativeOrder order,
+                                                   double above) const override {
     const JointSumsInput input = input_at(pose);
     const JointSums sums = images_.backend.joint_sums(input);
     SimilarityDerivatives result;
     result.value = value_of(sums);
-    if (!(sums.inside > 0.0)) return result;
+    if (!(result.value.value > above)) return result;
     std::vector<float> function;
     for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
       function.push_back(mean_at(sums, knot));
-    const auto samples = std::make_unique<BlockSamples>();
+    const auto samples = BlockSamples::uninitialised();
     StrandSums unused;
     JointDerivatives derivatives;
     for (std::size_t block = 0; block < images_.us->blocks.size(); ++block) {

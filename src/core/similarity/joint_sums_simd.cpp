@@ -85,17 +85,17 @@ HWY_INLINE void add(const Shares& shares, std::size_t lane, float* table) {
 }
 
 void flush(const JointSumsInput& in, LargeVector<float>& tables, JointSums& sums) {
+  const auto rows = static_cast<std::size_t>(in.rows);
   const auto columns = static_cast<std::size_t>(in.columns);
-  const std::size_t cells = tables.size() / kTables / kPerCell;
-  for (std::size_t i = 0; i < cells * kTables; ++i) {
-    const std::size_t cell = i % cells;
-    const std::size_t first = cell / (columns - 1) * columns + cell % (columns - 1);
-    for (std::size_t corner = 0; corner < 4; ++corner) {
-      const std::size_t knot = first + corner / 2 * columns + corner % 2;
-      sums.ultrasound[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner]);
-      sums.count[knot] += static_cast<double>(tables[kPerCell * i + 2 * corner + 1]);
-    }
-  }
+  const float* cell = tables.data();
+  for (std::size_t table = 0; table < kTables; ++table)
+    for (std::size_t row = 0; row + 1 < rows; ++row)
+      for (std::size_t column = 0; column + 1 < columns; ++column, cell += kPerCell)
+        for (std::size_t corner = 0; corner < 4; ++corner) {
+          const std::size_t knot = (row + corner / 2) * columns + column + corner % 2;
+          sums.ultrasound[knot] += static_cast<double>(cell[2 * corner]);
+          sums.count[knot] += static_cast<double>(cell[2 * corner + 1]);
+        }
   std::fill(tables.begin(), tables.end(), 0.0F);
 }
 

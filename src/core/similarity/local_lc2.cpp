@@ -65,7 +65,8 @@ class LocalLc2 final : public PoseByPose {
   }
 
   std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
-                                                   DerivativeOrder order) const override {
+                                                   DerivativeOrder order,
+                                                   double /*above*/) const override {
     if (options_.channel != GradientChannel::kMagnitude) return std::nullopt;
     const PatchKernelInput input = kernel_input(*us_, *ct_, pose, options_.channel);
     std::vector<double> each(us_->patches.size());
@@ -200,7 +201,7 @@ class LocalLc2 final : public PoseByPose {
   /// derivatives. The samples of a block stay in the cache between the fit and its derivatives.
   double differentiate_single(const PatchKernelInput& input, std::size_t share,
                               DerivativeOrder order, double* parts, PoseDerivatives& result) const {
-    const auto samples = std::make_unique<BlockSamples>();
+    const auto samples = BlockSamples::uninitialised();
     double inside = 0.0;
     for (std::size_t block = begin_of(share); block < begin_of(share + 1); ++block) {
       StrandSums sums;
@@ -243,7 +244,7 @@ class LocalLc2 final : public PoseByPose {
         const std::size_t strand = us_->patches[p].first_strand + i;
         slopes[strand / kLanes].set(strand % kLanes, fits[p].slopes);
       }
-    const auto samples = std::make_unique<BlockSamples>();
+    const auto samples = BlockSamples::uninitialised();
     PatchDerivativeSums of_patch;
     std::size_t p = 0;
     std::size_t strands = 0;  // strands of patch p so far

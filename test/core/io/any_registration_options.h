@@ -188,21 +188,13 @@ inline void randomise(LevelOptions& o) {
   if (any_bool()) o.screened = any_int(o.optimised, 200);
   o.kept = any_int(1, o.optimised + 1);
 }
-inline void randomise(RoundOptions& o) {
-  auto& [most, growth, breadth, deciding_breadth, near_share] = o;
-  most = any_int(1, 7);
-  growth = any_int(1, 17);
-  breadth = any_int(1, 65);
-  deciding_breadth = any_int(1, 65);
-  near_share = between(0.01, 1);
-}
 inline void randomise(SearchOptions& o) {
   auto& [starts, levels, rounds, distinct_mm, most_optima, margin_mm, most_turn_rad] = o;
   starts.reset();
   if (any_bool()) randomise(starts.emplace());
   levels.resize(static_cast<std::size_t>(any_int(1, 5)));
   for (LevelOptions& level : levels) randomise(level);
-  randomise(rounds);
+  rounds = any_int(1, 32);
   distinct_mm = between(0, 10);
   most_optima = any_int(1, 100);
   margin_mm = between(0, 30);
@@ -221,11 +213,6 @@ inline void randomise(GateLimits& o) {
   overlap = maybe(0, 1);
   wrong_probability = maybe(0, 1);
 }
-inline void randomise(DecoyOptions& o) {
-  auto& [optimised, tolerance_factor] = o;
-  optimised = any_int(1, 100);
-  tolerance_factor = between(1, 9);
-}
 inline void randomise(PartOptions& o) {
   auto& [optimizer, reach_mm] = o;
   randomise(optimizer);
@@ -241,12 +228,11 @@ inline void randomise(ErrorOptions& o) {
   radius_mm = between(1, 99);
 }
 inline void randomise(ConfidenceOptions& o) {
-  auto& [gates, source, rival_mm, decoys, similarity, ridge_similarity, cluster_mm, step_mm, parts,
-         error] = o;
+  auto& [gates, source, rival_mm, similarity, ridge_similarity, cluster_mm, step_mm, parts, error] =
+      o;
   randomise(gates);
   source = one_of({EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient});
   rival_mm = between(0, 30);
-  randomise(decoys);
   randomise(similarity);
   randomise(ridge_similarity);
   cluster_mm = between(1, 50);

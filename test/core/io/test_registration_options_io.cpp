@@ -282,7 +282,7 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
                  {"'search.starts.rotation_deg' is 104", "[0, 103.92]"});
   expect_refused(search("starts: {rotation_deg: -1}"), {"'search.starts.rotation_deg' is -1"});
   EXPECT_NO_THROW(parse(search("starts: {rotation_deg: 180, region: ball}")));
-  expect_refused(search("rounds: {most: 7}"), {"'search.rounds.most' is 7", "[1, 6]"});
+  expect_refused(search("rounds: 33"), {"'search.rounds' is 33", "[1, 32]"});
   expect_refused("preset: patient\nconfidence: {gates: {min_overlap: 2}}\n",
                  {"'confidence.gates.min_overlap' is 2"});
   expect_refused("preset: patient\nconfidence: {gates: {max_scatter_mm: 0.5}}\n",

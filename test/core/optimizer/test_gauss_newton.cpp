@@ -13,7 +13,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// A cost |r(x)|^2 with its Gauss-Newton model.
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+
+/// A cost |r(x)|^2 with its Gauss-Newton model, without derivatives where it is not below `below`.
 using Residuals = std::function<void(const VectorXd& x, VectorXd& residuals, MatrixXd& jacobian)>;
 
 CostModel model_of(const Residuals& residuals_at, const VectorXd& x) {
@@ -28,9 +30,10 @@ OptimizerProblem least_squares(const Residuals& residuals, const VectorXd& start
                                double bound = 50.0) {
   OptimizerProblem problem =
       problem_of([=](const VectorXd& x) { return model_of(residuals, x).cost; }, start, bound);
-  problem.model = [=](const VectorXd& x, bool with_curvature) {
+  problem.model = [=](const VectorXd& x, bool with_curvature, double below) {
     CostModel model = model_of(residuals, x);
     if (!with_curvature) model.curvature.resize(0, 0);
+    if (!(model.cost < below)) model.gradient.resize(0);
     return model;
   };
   return problem;
@@ -80,9 +83,9 @@ TEST(GaussNewton, WalksToAFarMinimum) {
   VectorXd second;
   int calls = 0;
   OptimizerProblem problem = least_squares(rotated_bowl(minimum, 5.0), VectorXd::Zero(6));
-  problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature) {
+  problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature, double below) {
     if (++calls == 2) second = x;
-    return model(x, with_curvature);
+    return model(x, with_curvature, below);
   };
   const OptimizerResult result = optimize(problem, options);
   EXPECT_LT((*result.best - minimum).norm(), 1e-2);
@@ -103,8 +106,8 @@ TEST(GaussNewton, FollowsTheCurvedValleyOfRosenbrock) {
 TEST(GaussNewton, CorrectsACurvatureThatIsTooLarge) {
   const VectorXd minimum = point_at(3.0, 6, 1);
   OptimizerProblem problem = least_squares(rotated_bowl(minimum, 3.0), VectorXd::Zero(6));
-  problem.model = [model = problem.model](const VectorXd& x, bool with_curvature) {
-    CostModel result = model(x, with_curvature);
+  problem.model = [model = problem.model](const VectorXd& x, bool with_curvature, double below) {
+    CostModel result = model(x, with_curvature, below);
     result.curvature *= 4.0;
     return result;
   };
@@ -116,13 +119,29 @@ TEST(GaussNewton, CorrectsACurvatureThatIsTooLarge) {
 TEST(GaussNewton, AsksForTheCurvatureAtTheStartOnly) {
   std::vector<bool> asked;
   OptimizerProblem problem = least_squares(rosenbrock_residuals(), Eigen::Vector2d(-1.2, 1.0));
-  problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature) {
+  problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature, double below) {
     asked.push_back(with_curvature);
-    return model(x, with_curvature);
+    return model(x, with_curvature, below);
   };
   optimize(problem, gauss_newton());
   EXPECT_TRUE(asked.front());
   EXPECT_EQ(std::count(asked.begin(), asked.end(), true), 1);
+}
+
+/// A step that leads uphill is not lost: the parabola through both costs says where to try next.
+TEST(GaussNewton, ComesBackFromAStepTooFar) {
+  const VectorXd minimum = point_at(3.0, 6, 1);
+  OptimizerProblem problem = least_squares(rotated_bowl(minimum, 1.0), VectorXd::Zero(6));
+  problem.model = [model = problem.model](const VectorXd& x, bool with_curvature, double below) {
+    CostModel result = model(x, with_curvature, below);
+    result.curvature *= 0.4;  // steps are 2.5 times as long as they should be
+    return result;
+  };
+  OptimizerOptions options = gauss_newton();
+  options.initial_step = 20.0;
+  const OptimizerResult result = optimize(problem, options);
+  EXPECT_LT((*result.best - minimum).norm(), 1e-6);
+  EXPECT_LE(result.evaluations, 5);
 }
 
 TEST(GaussNewton, FindsAMinimumOnAFaceOfTheBox) {
@@ -137,9 +156,10 @@ TEST(GaussNewton, FindsAMinimumOnAFaceOfTheBox) {
   for (const unsigned start : {2U, 3U, 4U, 5U}) {
     bool outside = false;
     OptimizerProblem problem = least_squares(bowl, point_at(4.0, 6, start), 5.0);
-    problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature) {
+    problem.model = [&, model = problem.model](const VectorXd& x, bool with_curvature,
+                                               double below) {
       if (x.cwiseAbs().maxCoeff() > 5.0) outside = true;
-      return model(x, with_curvature);
+      return model(x, with_curvature, below);
     };
     const OptimizerResult result = optimize(problem, gauss_newton());
     EXPECT_LT((*result.best - minimum).norm(), 1e-2) << result.best->transpose();
@@ -155,8 +175,8 @@ TEST(GaussNewton, ScalesMakeUnequalParametersAlike) {
   scaled.lower *= 0.01;
   scaled.upper *= 0.01;
   scaled.cost = [cost = plain.cost](const VectorXd& x) { return cost(100.0 * x); };
-  scaled.model = [model = plain.model](const VectorXd& x, bool with_curvature) {
-    CostModel result = model(100.0 * x, with_curvature);
+  scaled.model = [model = plain.model](const VectorXd& x, bool with_curvature, double below) {
+    CostModel result = model(100.0 * x, with_curvature, below);
     result.gradient *= 100.0;
     result.curvature *= 1e4;
     return result;
@@ -188,8 +208,8 @@ TEST(GaussNewton, IsStoppedByAWallWithoutACost) {
   OptimizerProblem problem =
       least_squares(rotated_bowl(minimum, 4.0), minimum + point_at(8.0, 6, 2));
   const VectorXd start = problem.start;
-  problem.model = [=, model = problem.model](const VectorXd& x, bool with_curvature) {
-    CostModel result = model(x, with_curvature);
+  problem.model = [=, model = problem.model](const VectorXd& x, bool with_curvature, double below) {
+    CostModel result = model(x, with_curvature, below);
     // The whole way to the minimum would lead through a place without a cost.
     if ((x - minimum).norm() < 6.0 && (x - start).norm() > 3.0 && (x - start).norm() < 5.0)
       result.cost = std::numeric_limits<double>::quiet_NaN();
@@ -197,12 +217,12 @@ TEST(GaussNewton, IsStoppedByAWallWithoutACost) {
   };
   const OptimizerResult result = optimize(problem, gauss_newton());
   EXPECT_TRUE(std::isfinite(result.cost));
-  EXPECT_LE(result.cost, problem.model(start, true).cost);
+  EXPECT_LE(result.cost, problem.model(start, true, kNoLimit).cost);
 }
 
 TEST(GaussNewton, FailsWithAReasonAtAStartWithoutACost) {
   OptimizerProblem problem = least_squares(rosenbrock_residuals(), Eigen::Vector2d(0.0, 0.0));
-  problem.model = [](const VectorXd&, bool) { return CostModel{}; };
+  problem.model = [](const VectorXd&, bool, double) { return CostModel{}; };
   const OptimizerResult result = optimize(problem, gauss_newton());
   EXPECT_EQ(result.status, OptimizerStatus::kFailed);
   EXPECT_NE(result.reason.find("finite"), std::string::npos) << result.reason;

@@ -127,7 +127,7 @@ inline RegistrationCase moved(const RegistrationCase& images, const Eigen::Isome
 /// The preset for phantoms with one round of search; `changes` as in a file of options.
 inline RegistrationOptions quick_options(const std::string& changes = "") {
   RegistrationOptions options = parse_registration_options("preset: phantom\n" + changes, "test");
-  options.search.rounds.most = 1;
+  options.search.rounds = 1;
   return options;
 }
 

@@ -151,7 +151,7 @@ class Searched {
                             int rounds = 1) {
     return registration::search_decoys(
         {{{&similarity, nullptr}, {&similarity, nullptr}}, options_, initial_, field_, 1},
-        T_us_ct_found, beams(), {}, rounds, run_);
+        T_us_ct_found, beams(), rounds, run_);
   }
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);
@@ -159,7 +159,7 @@ class Searched {
   std::vector<Decoy> of_mirrored_ct(const Isometry3d& T_us_ct_found, const Eigen::Matrix3d& axes) {
     return registration::search_mirrored_ct(
         {{{&peaks_, nullptr}, {&peaks_, nullptr}}, options_, initial_, field_, 1}, T_us_ct_found,
-        axes, {}, 1, run_);
+        axes, 1, run_);
   }
   double distance_mm(const Isometry3d& T_a, const Isometry3d& T_b) const {
     return field_.distance_mm(T_a, T_b);

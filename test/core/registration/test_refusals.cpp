@@ -227,10 +227,7 @@ TEST(Refusals, InvalidOptions) {
     expect_input_error([&] { registered(agar_case(), nearby(agar_case()), options); }, named);
   };
   expect_error([](RegistrationOptions& o) { o.search.levels.clear(); }, {"search", "levels"});
-  expect_error([](RegistrationOptions& o) { o.search.rounds.most = 0; },
-               {"search.rounds", "'most' is 0"});
-  expect_error([](RegistrationOptions& o) { o.search.rounds.near_share = 0.0; },
-               {"search.rounds", "'near_share' is 0"});
+  expect_error([](RegistrationOptions& o) { o.search.rounds = 0; }, {"search", "'rounds' is 0"});
   expect_error([](RegistrationOptions& o) { o.outside_hu = 1e5; }, {"'outside_hu' is 100000"});
   expect_error([](RegistrationOptions& o) { o.search.levels[1].spacing_mm = kNan; },
                {"search.levels[1]", "'spacing_mm'"});
@@ -265,10 +262,6 @@ TEST(Refusals, InvalidOptionsOfTheEvidence) {
   expect_error([](Confidence& o) { o.cluster_mm = 0.0; }, {"o.confidence", "'cluster_mm' is 0"});
   expect_error([](Confidence& o) { o.cluster_step_mm = 0.0; },
                {"o.confidence", "'cluster_step_mm' is 0"});
-  expect_error([](Confidence& o) { o.decoys.optimised = 0; },
-               {"o.confidence.decoys", "'optimised' is 0"});
-  expect_error([](Confidence& o) { o.decoys.tolerance_factor = 0.5; },
-               {"o.confidence.decoys", "'tolerance_factor' is 0.5"});
   expect_error([](Confidence& o) { o.parts.reach_mm = 0.1; },
                {"o.confidence.parts", "'reach_mm' is 0.1"});
   expect_error([](Confidence& o) { o.error.parts_factor = 0.0; },

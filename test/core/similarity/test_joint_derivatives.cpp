@@ -183,6 +183,20 @@ TEST(JointCorrelationRatioDerivatives, AreTheReferenceToRounding) {
   EXPECT_LT((simd.curvature - scalar.curvature).norm(), 1e-3 * scalar.curvature.norm());
 }
 
+TEST(JointCorrelationRatioDerivatives, AreSparedWhereTheValueIsNotAboveWhatIsWanted) {
+  const Registrable scene;
+  const auto similarity = similarity_of(scene.us, scene.ct, joint_options());
+  const SimilarityPose pose = near_pose({});
+  const double value = similarity->evaluate(pose).value;
+  const auto wanted_above = [&](double above) {
+    return *similarity->derivatives(pose, DerivativeOrder::kGradient, above);
+  };
+  EXPECT_EQ(wanted_above(value).value.value, value);
+  EXPECT_TRUE(wanted_above(value).gradient.isZero(0.0));
+  EXPECT_EQ(wanted_above(std::nextafter(value, 0.0)).gradient,
+            similarity->derivatives(pose, DerivativeOrder::kGradient)->gradient);
+}
+
 TEST(JointCorrelationRatioDerivatives, HaveNoValueWithoutOverlap) {
   const Registrable scene;
   SimilarityPose far;

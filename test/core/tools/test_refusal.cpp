@@ -33,7 +33,7 @@ class Refusal : public testing::Test {
     write_prescan_nrrd(us, path("mirrored.nrrd"));
     std::ofstream(path("options.yaml"))
         << "preset: phantom\nsearch: {starts: {count: 128, rotation_deg: 10, translation_mm: 10}, "
-           "rounds: {most: 1}}\n";
+           "rounds: 1}\n";
   }
   static void TearDownTestSuite() { delete folder_; }
   static std::string path(const std::string& name) { return (folder_->path() / name).string(); }

@@ -177,7 +177,7 @@ TEST_F(Register, WithoutAnInitialPoseTheMiddlesMeetInTheGivenDirection) {
   level.optimizer.max_evaluations = 1;
   only_start.search.levels = {level};
   only_start.search.starts.reset();
-  only_start.search.rounds.most = 1;
+  only_start.search.rounds = 1;
   only_start.refinement.reset();
   std::ofstream(path("start.yaml")) << registration_options_yaml(only_start);
   const auto pose = [&](const std::vector<std::string>& more) {

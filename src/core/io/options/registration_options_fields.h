@@ -179,15 +179,6 @@ void describe(Fields& fields, LevelOptions& o) {
 }
 
 template <typename Fields>
-void describe(Fields& fields, RoundOptions& o) {
-  fields("most", o.most);
-  fields("growth", o.growth);
-  fields("breadth", o.breadth);
-  fields("deciding_breadth", o.deciding_breadth);
-  fields("near_share", o.near_share);
-}
-
-template <typename Fields>
 void describe(Fields& fields, SearchOptions& o) {
   fields("starts", o.starts);
   fields("levels", o.levels);
@@ -204,12 +195,6 @@ void describe(Fields& fields, RefinementOptions& o) {
   fields("ct_margin_mm", o.ct_margin_mm);
   fields("depth_error", o.depth_error);
   fields("sweep_error", o.sweep_error);
-}
-
-template <typename Fields>
-void describe(Fields& fields, DecoyOptions& o) {
-  fields("optimised", o.optimised);
-  fields("tolerance_factor", o.tolerance_factor);
 }
 
 template <typename Fields>
@@ -233,7 +218,6 @@ void describe(Fields& fields, ConfidenceOptions& o) {
   fields("gates", o.gates);
   fields("evidence", o.evidence);
   fields("rival_mm", o.rival_mm);
-  fields("decoys", o.decoys);
   fields("similarity", o.similarity);
   fields("ridge_similarity", o.ridge_similarity);
   fields("cluster_mm", o.cluster_mm);
