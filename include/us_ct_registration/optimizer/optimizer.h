@@ -55,7 +55,7 @@ struct OptimizerProblem {
   /// caller.
   std::function<double(const Eigen::VectorXd&)> cost;
   /// The cost with its derivatives, called like `cost`; its values have the same bits. Derivatives
-  /// are not used, and may be missing, where the cost is not below `below`. Only
+  /// may be empty where the cost is not below `below`, since the method does not go there. Only
   /// OptimizerMethod::kGaussNewton needs it; empty for a cost without derivatives.
   std::function<CostModel(const Eigen::VectorXd&, bool with_curvature, double below)> model;
   /// The costs of several points, called like `cost`; the values have the same bits. CMA-ES asks

@@ -41,6 +41,8 @@ struct SimilarityDerivatives {
   using Matrix = Eigen::Matrix<double, 6, 6>;
 
   SimilarityValue value;
+  /// Whether the derivatives were spared, since the value was not high enough.
+  bool only_value = false;
   Vector gradient = Vector::Zero();
   /// An approximation of the negative second derivative, positive semidefinite; 0 if it was not
   /// asked for.
@@ -65,8 +67,8 @@ class Similarity {
 
   /// Value and derivatives at a pose, of a similarity that has derivatives
   /// (SimilarityNeeds::has_derivatives). The threads share the patches. Where the value is not
-  /// above `above`, derivatives may be missing (0), since a climb does not go there: a similarity
-  /// that knows its value first spares them.
+  /// above `above`, a similarity that knows it first spares the derivatives, since a climb does not
+  /// go there.
   virtual std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& /*pose*/,
                                                            DerivativeOrder /*order*/,
                                                            double /*above*/) const {

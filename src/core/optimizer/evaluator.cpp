@@ -70,7 +70,7 @@ CostModel Evaluator::model_at(const Eigen::VectorXd& units, bool with_curvature,
   CostModel model = problem_.model(parameters, with_curvature, below);
   record(parameters, model.cost);
   if (!std::isfinite(model.cost)) return {};
-  if (!(model.cost < below)) return {model.cost, {}, {}};
+  if (model.gradient.size() == 0) return model;
   model.gradient = model.gradient.cwiseProduct(problem_.scale).eval();
   if (with_curvature)
     model.curvature =

@@ -47,7 +47,7 @@ class Evaluator {
   void look_ahead(const std::vector<Eigen::VectorXd>& units);
 
   /// The cost with derivatives by the displacement in units of `scale`, of a point in the box; they
-  /// may be missing where the cost is not below `below`. It is NaN where it is not finite. Throws
+  /// may be empty where the cost is not below `below`. It is NaN where it is not finite. Throws
   /// Stop.
   CostModel model_at(const Eigen::VectorXd& units, bool with_curvature, double below);
 

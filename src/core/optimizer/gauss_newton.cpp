@@ -87,6 +87,14 @@ class CurvatureUpdate {
   bool scaled_ = false;
 };
 
+/// The share of an uphill step after which the parabola through both costs and the slope has its
+/// minimum, within limits.
+double downhill_share(const CostModel& here, const VectorXd& step, double cost_there) {
+  if (!std::isfinite(cost_there)) return 0.25;
+  const double slope = here.gradient.dot(step);
+  return std::clamp(0.5 * slope / (here.cost + slope - cost_there), 0.1, 0.5);
+}
+
 }  // namespace
 
 Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options) {
@@ -108,14 +116,12 @@ Stop run_gauss_newton(Evaluator& evaluator, const OptimizerOptions& options) {
     const double expected = -here.gradient.dot(step) - 0.5 * step.dot(curvature * step);
     CostModel there = evaluator.model_at(at + step, false, here.cost);
     const double decrease = here.cost - there.cost;
+    const bool has_gradient = std::isfinite(there.cost) && there.gradient.size() > 0;
+    if (has_gradient) update(curvature, step, there.gradient - here.gradient);
     if (!(decrease > 0.0)) {  // also if the cost is not finite
-      // The minimum of the parabola through both costs and the slope.
-      const double slope = here.gradient.dot(step);
-      const double share = std::isfinite(there.cost) ? slope / (2.0 * (decrease + slope)) : 0.25;
-      radius = std::clamp(share, 0.1, 0.5) * length;
+      radius = (has_gradient ? 0.25 : downhill_share(here, step, there.cost)) * length;
       continue;
     }
-    update(curvature, step, there.gradient - here.gradient);
     at += step;
     here = std::move(there);
     if (decrease < options.cost_tolerance)

@@ -56,6 +56,7 @@ class Parameters {
 
   /// The cost, which is minus the similarity, with its derivatives by the pose.
   CostModel model(const VectorXd& x, const SimilarityDerivatives& similarity) const {
+    if (similarity.only_value) return {-similarity.value.value, {}, {}};
     // If the CT moves in the US frame, the ultrasound moves the other way in the CT.
     const Eigen::Matrix<double, 6, 6> changes = -pose_.motion_derivative(x);
     return {-similarity.value.value, -changes.transpose() * similarity.gradient,

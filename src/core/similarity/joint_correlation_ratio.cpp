@@ -23,7 +23,8 @@ class JointCorrelationRatio final : public PoseByPose {
     const JointSums sums = images_.backend.joint_sums(input);
     SimilarityDerivatives result;
     result.value = value_of(sums);
-    if (!(result.value.value > above)) return result;
+    result.only_value = !(result.value.value > above);
+    if (result.only_value) return result;
     std::vector<float> function;
     for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
       function.push_back(mean_at(sums, knot));
