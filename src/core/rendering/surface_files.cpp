@@ -7,7 +7,6 @@
 #include "module.h"
 #include "rendering/ply_files.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/io/atomic_file.h"
 
 namespace usct {
 namespace {
