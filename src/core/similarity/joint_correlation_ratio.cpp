@@ -28,7 +28,7 @@ class JointCorrelationRatio final : public PoseByPose {
     std::vector<float> function;
     for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
       function.push_back(mean_at(sums, knot));
-    const auto samples = BlockSamples::uninitialised();
+    const auto samples = std::make_unique<BlockSamples>();
     StrandSums unused;
     JointDerivatives derivatives;
     for (std::size_t block = 0; block < images_.us->blocks.size(); ++block) {

@@ -201,7 +201,7 @@ class LocalLc2 final : public PoseByPose {
   /// derivatives. The samples of a block stay in the cache between the fit and its derivatives.
   double differentiate_single(const PatchKernelInput& input, std::size_t share,
                               DerivativeOrder order, double* parts, PoseDerivatives& result) const {
-    const auto samples = BlockSamples::uninitialised();
+    const auto samples = std::make_unique<BlockSamples>();
     double inside = 0.0;
     for (std::size_t block = begin_of(share); block < begin_of(share + 1); ++block) {
       StrandSums sums;
@@ -244,7 +244,7 @@ class LocalLc2 final : public PoseByPose {
         const std::size_t strand = us_->patches[p].first_strand + i;
         slopes[strand / kLanes].set(strand % kLanes, fits[p].slopes);
       }
-    const auto samples = BlockSamples::uninitialised();
+    const auto samples = std::make_unique<BlockSamples>();
     PatchDerivativeSums of_patch;
     std::size_t p = 0;
     std::size_t strands = 0;  // strands of patch p so far

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <memory>
 
 #include "similarity/patch_kernel.h"
 
@@ -46,11 +45,6 @@ struct BlockSamples {
     float by_m[3][kLanes], by_g[3][kLanes];
   };
   Row rows[UltrasoundPatches::kLongestStrand];
-
-  /// Without initial values: clearing them would take a tenth of the time of a small evaluation.
-  static std::unique_ptr<BlockSamples> uninitialised() {
-    return std::unique_ptr<BlockSamples>(new BlockSamples);
-  }
 };
 
 /// Samples the CT at a block, and sums its strands with the bits of sum_strands. The channel must
