@@ -75,9 +75,14 @@ struct Measures {
   std::optional<double> expected_error_mm;
   std::optional<double> error_bound_mm;
   /// Errors of the acquisition, estimated by the refinement, or else by a check of the final pose;
-  /// see AcquisitionErrors. They are reported, and no evidence against the pose.
+  /// see AcquisitionErrors. Where the images show them, an error of the depths is a part of the
+  /// expected error, unless the refinement has made up for it.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
+  /// Similarity with the errors of that check over the most that a pose near by reaches without
+  /// any, and Student's t of this comparison, patch by patch.
+  std::optional<double> errors_ratio;
+  std::optional<double> errors_advantage;
   /// Longest way by which a probe that should have been still moved a sample during the sweep, mm;
   /// from tf, so that only the ROS interface takes it.
   std::optional<double> sweep_motion_mm;

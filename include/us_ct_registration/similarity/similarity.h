@@ -35,17 +35,20 @@ struct SimilarityValue {
 };
 
 /// A similarity near a pose to second order, as a function of a small motion of the ultrasound's
-/// samples in the US frame: a rotation vector (rad) about its origin, and a translation (mm).
+/// samples in the US frame, a rotation vector (rad) about its origin and a translation (mm), and of
+/// AcquisitionErrors::depth and ::sweep.
 struct SimilarityDerivatives {
-  using Vector = Eigen::Matrix<double, 6, 1>;
-  using Matrix = Eigen::Matrix<double, 6, 6>;
+  static constexpr int kMotion = 6;  // parameters of the motion, which come first
+  static constexpr int kCount = kMotion + 2;
+  using Vector = Eigen::Matrix<double, kCount, 1>;
+  using Matrix = Eigen::Matrix<double, kCount, kCount>;
 
   SimilarityValue value;
   /// Whether the derivatives were spared, since the value was not high enough.
   bool only_value = false;
   Vector gradient = Vector::Zero();
   /// An approximation of the negative second derivative, positive semidefinite; 0 if it was not
-  /// asked for.
+  /// asked for. Both are 0 for the errors where Similarity::has_error_derivatives() is false.
   Matrix curvature = Matrix::Zero();
 };
 
@@ -78,6 +81,9 @@ class Similarity {
                                                    DerivativeOrder order) const {
     return derivatives(pose, order, -std::numeric_limits<double>::infinity());
   }
+
+  /// Whether these derivatives include those by the AcquisitionErrors.
+  virtual bool has_error_derivatives() const { return false; }
 
   /// Contributions of the parts of the ultrasound (patches) at a pose; the value is their sum. A
   /// similarity that is not a sum has one part.

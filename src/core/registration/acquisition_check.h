@@ -10,13 +10,27 @@
 /// show that: they fit better when they are stretched back.
 namespace usct::registration {
 
-/// The errors of the acquisition with which the ultrasound fits best near a pose, within 15 %: one
-/// climb over pose and errors, by half of the samples of `similarity`. An error that the similarity
-/// cannot follow is 0. Unset if the ultrasound has nothing that the similarity could explain.
-std::optional<AcquisitionErrors> acquisition_errors_at(const Eigen::Isometry3d& T_us_ct,
-                                                       const SimilarityImages& images,
-                                                       const SimilarityOptions& similarity,
-                                                       const PartOptions& how,
-                                                       const FieldPoints& field, Run& run);
+/// The errors of the acquisition with which the ultrasound fits best near a pose, and what speaks
+/// for them.
+struct AcquisitionCheck {
+  /// An error that the similarity cannot follow is 0, and so is one without which the ultrasound
+  /// fits about as well as with both.
+  AcquisitionErrors errors;
+  /// Similarity with both errors over the most that a pose near by reaches without any.
+  double ratio = 1.0;
+  /// Student's t of the same comparison, patch by patch.
+  double advantage = 0.0;
+};
+
+/// Looks for errors within 15 % by climbs over pose and errors, by half of the samples of
+/// `similarity`. Unset if the ultrasound has nothing that the similarity could explain.
+std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_ct,
+                                                  const SimilarityImages& images,
+                                                  const SimilarityOptions& similarity,
+                                                  const ConfidenceOptions& options,
+                                                  const FieldPoints& field, Run& run);
+
+/// Whether the images show the errors that were estimated, or noise may have.
+bool shows_errors(const Measures& measures);
 
 }  // namespace usct::registration

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "parallel.h"
 #include "us_ct_registration/registration/pose_parameters.h"
@@ -10,6 +11,7 @@ namespace usct::registration {
 namespace {
 
 using Eigen::Isometry3d;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 void set_value(Candidate& candidate, const SimilarityValue& value) {
@@ -34,11 +36,13 @@ class Parameters {
     problem.upper = VectorXd::Constant(count, how_.reach_mm);
     problem.scale = VectorXd::Ones(count);
     int at = 6;
-    for (const double limit : {limits.depth, limits.sweep}) {
+    for (const auto& [limit, error] : {std::pair(limits.depth, from_.errors.depth),
+                                       std::pair(limits.sweep, from_.errors.sweep)}) {
       if (!(limit > 0.0)) continue;
       // One percent moves the far end of a usual field of view by about a millimetre.
       constexpr double kScale = 0.01;
       problem.scale[at] = kScale;
+      problem.start[at] = error;
       problem.lower[at] = -limit;
       problem.upper[at] = limit;
       ++at;
@@ -57,13 +61,24 @@ class Parameters {
   /// The cost, which is minus the similarity, with its derivatives by the pose.
   CostModel model(const VectorXd& x, const SimilarityDerivatives& similarity) const {
     if (similarity.only_value) return {-similarity.value.value, {}, {}};
-    // If the CT moves in the US frame, the ultrasound moves the other way in the CT.
-    const Eigen::Matrix<double, 6, 6> changes = -pose_.motion_derivative(x);
+    const MatrixXd changes = by_parameters(x);
     return {-similarity.value.value, -changes.transpose() * similarity.gradient,
             changes.transpose() * similarity.curvature * changes};
   }
 
  private:
+  /// How the parameters change what SimilarityDerivatives are by. If the CT moves in the US frame,
+  /// the ultrasound moves the other way in the CT.
+  MatrixXd by_parameters(const VectorXd& x) const {
+    constexpr int kMotion = SimilarityDerivatives::kMotion;
+    MatrixXd changes = MatrixXd::Zero(SimilarityDerivatives::kCount, x.size());
+    changes.topLeftCorner<kMotion, kMotion>() = -pose_.motion_derivative(x.head<kMotion>());
+    int at = kMotion;
+    if (how_.error_limits.depth > 0.0) changes(kMotion, at++) = 1.0;
+    if (how_.error_limits.sweep > 0.0) changes(kMotion + 1, at++) = 1.0;
+    return changes;
+  }
+
   const Climb& how_;
   PoseParameters pose_;
   Candidate from_;
@@ -93,8 +108,9 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
   };
   OptimizerOptions optimizer = how.optimizer;
   if (optimizer.method == OptimizerMethod::kGaussNewton) {
-    // There are no derivatives by the errors.
-    if (problem.start.size() > 6) optimizer.method = OptimizerMethod::kBobyqa;
+    if (problem.start.size() > SimilarityDerivatives::kMotion &&
+        !similarity.has_error_derivatives())
+      optimizer.method = OptimizerMethod::kBobyqa;
     problem.model = [&](const VectorXd& x, bool with_curvature, double below) {
       run.check_cancelled();
       const auto order = with_curvature ? DerivativeOrder::kCurvature : DerivativeOrder::kGradient;

@@ -41,6 +41,7 @@ class MirroredSimilarity final : public Similarity {
   std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& pose,
                                                    DerivativeOrder order,
                                                    double above) const override;
+  bool has_error_derivatives() const override { return original_.has_error_derivatives(); }
   std::vector<double> parts(const SimilarityPose& pose) const override {
     return original_.parts(mirrored(pose));
   }

@@ -105,9 +105,11 @@ void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessm
 }
 
 void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) const {
+  const bool is_stretched = assessment.measures.depth_error.has_value();  // by the refinement
   compare_clusters(refined, assessment.measures, run);
-  compare_parts(refined, assessment, run);
   estimate_errors(refined, assessment.measures, run);
+  const std::vector<HalfPoses> halves = compare_parts(refined, assessment.measures, run);
+  if (!halves.empty()) expect_error(halves, is_stretched, assessment);
   set_wrong_probability(assessment.measures);
 }
 
@@ -180,12 +182,13 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
 }
 
 void Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
-  const std::optional<AcquisitionErrors> errors =
-      acquisition_errors_at(refined.T_us_ct, deciding_images(), in_.options.ridge_similarity,
-                            in_.options.parts, field(), run);
-  if (!errors) return;
-  if (!measures.depth_error) measures.depth_error = errors->depth;
-  if (!measures.sweep_error) measures.sweep_error = errors->sweep;
+  const std::optional<AcquisitionCheck> found = check_acquisition(
+      refined.T_us_ct, deciding_images(), in_.options.ridge_similarity, in_.options, field(), run);
+  if (!found) return;
+  if (!measures.depth_error) measures.depth_error = found->errors.depth;
+  if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;
+  measures.errors_ratio = found->ratio;
+  measures.errors_advantage = found->advantage;
 }
 
 void Evidence::compare_clusters(const Candidate& refined, Measures& measures, Run& run) const {
@@ -199,27 +202,35 @@ void Evidence::compare_clusters(const Candidate& refined, Measures& measures, Ru
   measures.deformation_mm = found->deformation_mm;
 }
 
-void Evidence::compare_parts(const Candidate& refined, Assessment& result, Run& run) const {
+std::vector<HalfPoses> Evidence::compare_parts(const Candidate& refined, Measures& measures,
+                                               Run& run) const {
   const ConfidenceOptions& confidence = in_.options;
   const std::vector<std::optional<HalfPoses>> found =
       poses_of_halves(deciding_images(), {confidence.similarity, confidence.ridge_similarity},
                       confidence.parts, refined.T_us_ct, field(), run);
-  std::optional<double>* const moved_mm[] = {&result.measures.parts_mm,
-                                             &result.measures.ridge_parts_mm};
+  std::optional<double>* const moved_mm[] = {&measures.parts_mm, &measures.ridge_parts_mm};
   std::vector<HalfPoses> halves;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!found[i]) continue;
     *moved_mm[i] = motion_mm(*found[i], refined.T_us_ct, field());
     halves.push_back(*found[i]);
   }
-  if (halves.empty()) return;
-  const ErrorOptions& error = confidence.error;
+  return halves;
+}
+
+void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
+                            Assessment& result) const {
+  Measures& measures = result.measures;
+  ErrorOptions error = in_.options.error;
+  // An error of the depths that the images show is there, and moves the kidney along the beams.
+  if (!is_stretched && measures.depth_error && shows_errors(measures))
+    error.sound_speed_share = std::max(error.sound_speed_share, std::abs(*measures.depth_error));
   result.covariance = pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error) +
-                      shift_covariance(result.measures.deformation_mm.value_or(0.0));
+                      shift_covariance(measures.deformation_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
-  result.measures.expected_error_mm = expected_mm;
-  result.measures.error_bound_mm = error.bound_factor * expected_mm;
+  measures.expected_error_mm = expected_mm;
+  measures.error_bound_mm = error.bound_factor * expected_mm;
 }
 
 void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& measures,

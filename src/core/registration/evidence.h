@@ -78,7 +78,12 @@ class Evidence {
   bool is_accepted(const Measures& measures) const;
   bool is_beyond_doubt(const Assessment& assessment) const;
   void compare_clusters(const Candidate& refined, Measures& measures, Run& run) const;
-  void compare_parts(const Candidate& refined, Assessment& result, Run& run) const;
+  std::vector<HalfPoses> compare_parts(const Candidate& refined, Measures& measures,
+                                       Run& run) const;
+  /// The covariance of the pose and what follows from it. `is_stretched`: the refinement has made
+  /// up for an error of the depths.
+  void expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
+                    Assessment& result) const;
   /// Errors of the acquisition, unless the refinement estimated them.
   void estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
   /// The local agreement of decoys, if it is more than that of others so far.

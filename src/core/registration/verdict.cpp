@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "registration/acquisition_check.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct::registration {
@@ -83,9 +84,19 @@ std::string anatomy_words(const Measures& m) {
          "during a breath hold";
 }
 
+/// Errors beyond these are named where the images show them. Smaller ones are within the bias of
+/// the estimate.
+constexpr double kWrongDepth = 0.02;
+constexpr double kWrongSweep = 0.05;
+
+bool has_wrong_depths(const Measures& m) {
+  return shows_errors(m) && m.depth_error && std::abs(*m.depth_error) > kWrongDepth;
+}
+
 std::string near_words(const Measures& m) {
   std::string words = "an error of more than 5 mm is not improbable (expected are " +
                       number(*m.expected_error_mm) + " mm";
+  if (has_wrong_depths(m)) return words + "), since the recorded depths are wrong";
   if (m.tissue_motion_mm)
     words += "; tissue in the middle of the field would rather lie " + number(*m.tissue_motion_mm) +
              " mm elsewhere";
@@ -94,16 +105,12 @@ std::string near_words(const Measures& m) {
          "hold and with little pressure, and check probe geometry and tracking";
 }
 
-/// Errors beyond these are named. Of seven phantoms with right geometry none was estimated to be
-/// off by half as much in depth, or by two thirds in the sweep.
-constexpr double kWrongDepth = 0.04;
-constexpr double kWrongSweep = 0.08;
-
 /// A fault of the recorded geometry that the images show, as a sentence to append; empty if none.
 std::string acquisition_words(const Measures& m) {
   std::string words;
+  if (!shows_errors(m)) return words;
   const auto percent = [](double error) { return number(100.0 * std::abs(error)) + " %"; };
-  if (m.depth_error && std::abs(*m.depth_error) > kWrongDepth)
+  if (has_wrong_depths(m))
     words += "; the ultrasound fits better if its depths are " + percent(*m.depth_error) +
              (*m.depth_error > 0.0 ? " larger" : " smaller") +
              ": check depth and sample spacing in the probe file, and the speed of sound";

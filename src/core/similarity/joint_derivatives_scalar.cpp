@@ -6,7 +6,7 @@
 namespace usct {
 namespace {
 
-using Vector6 = SimilarityDerivatives::Vector;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// How the position of a sample between the knots, and a function of that, change.
 class BetweenKnots {

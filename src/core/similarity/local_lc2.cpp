@@ -89,6 +89,10 @@ class LocalLc2 final : public PoseByPose {
     return result;
   }
 
+  bool has_error_derivatives() const override {
+    return options_.channel == GradientChannel::kMagnitude && us_->has_beams();
+  }
+
   std::vector<Eigen::Vector3d> part_centres_us_mm() const override {
     std::vector<Eigen::Vector3d> centres;
     centres.reserve(us_->patches.size());

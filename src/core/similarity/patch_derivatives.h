@@ -92,11 +92,15 @@ struct PatchDerivativeSums {
 ShareDerivatives share_derivatives(const PatchMoments& moments, const ShareSlopes& slopes,
                                    const PatchDerivativeSums& sums);
 
-/// Sums derivatives of patches to those by the pose.
+/// Sums derivatives of patches to those by the pose and, of ultrasound with beams, by the errors of
+/// the acquisition.
 class PoseDerivatives {
  public:
   PoseDerivatives(const PatchKernelInput& input, DerivativeOrder order)
-      : to_voxels_(input.T_index_us.linear()), order_(order) {}
+      : to_voxels_(input.T_index_us.linear()),
+        errors_(input.errors.depth, input.errors.sweep),
+        order_(order),
+        by_errors_(input.us.has_beams()) {}
 
   /// Adds a patch, times a factor.
   void add(const UltrasoundPatches::Patch& patch, double factor, const ShareDerivatives& share);
@@ -106,8 +110,15 @@ class PoseDerivatives {
   const SimilarityDerivatives::Matrix& curvature() const { return curvature_; }
 
  private:
+  /// The same for the first parameters only.
+  template <int kParameters>
+  void add_first(const UltrasoundPatches::Patch& patch, double factor,
+                 const ShareDerivatives& share);
+
   Eigen::Matrix3d to_voxels_;
+  Eigen::Vector2d errors_;
   DerivativeOrder order_;
+  bool by_errors_;
   SimilarityDerivatives::Vector gradient_ = SimilarityDerivatives::Vector::Zero();
   SimilarityDerivatives::Matrix curvature_ = SimilarityDerivatives::Matrix::Zero();
 };

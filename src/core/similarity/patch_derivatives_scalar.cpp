@@ -133,18 +133,31 @@ ShareDerivatives share_derivatives(const PatchMoments& moments, const ShareSlope
   return {sums.share, 2.0 / moments.uu * squares};
 }
 
+template <int kParameters>
+void PoseDerivatives::add_first(const UltrasoundPatches::Patch& patch, double factor,
+                                const ShareDerivatives& share) {
+  const Eigen::Vector3d centre = patch.centre_us_mm + patch.by_errors_mm * errors_;
+  Eigen::Matrix<double, 3, SimilarityDerivatives::kCount> motion_mm;  // of the middle of the patch
+  motion_mm.leftCols<SimilarityDerivatives::kMotion>() << 0.0, centre.z(), -centre.y(), 1.0, 0.0,
+      0.0,                                          //
+      -centre.z(), 0.0, centre.x(), 0.0, 1.0, 0.0,  //
+      centre.y(), -centre.x(), 0.0, 0.0, 0.0, 1.0;
+  motion_mm.rightCols<2>() = patch.by_errors_mm;
+  const auto moved_mm = motion_mm.leftCols<kParameters>();
+  const Eigen::Vector3d force = factor * to_voxels_.transpose() * share.gradient;
+  gradient_.head<kParameters>() += moved_mm.transpose() * force;
+  if (order_ == DerivativeOrder::kGradient) return;
+  const Eigen::Matrix<double, 3, kParameters> voxels = to_voxels_ * moved_mm;
+  curvature_.topLeftCorner<kParameters, kParameters>() +=
+      factor * voxels.transpose() * share.curvature * voxels;
+}
+
 void PoseDerivatives::add(const UltrasoundPatches::Patch& patch, double factor,
                           const ShareDerivatives& share) {
-  const Eigen::Vector3d& centre = patch.centre_us_mm;
-  Eigen::Matrix<double, 3, 6> motion_mm;                     // of the middle of the patch
-  motion_mm << 0.0, centre.z(), -centre.y(), 1.0, 0.0, 0.0,  //
-      -centre.z(), 0.0, centre.x(), 0.0, 1.0, 0.0,           //
-      centre.y(), -centre.x(), 0.0, 0.0, 0.0, 1.0;
-  const Eigen::Vector3d force = factor * to_voxels_.transpose() * share.gradient;
-  gradient_ += motion_mm.transpose() * force;
-  if (order_ == DerivativeOrder::kGradient) return;
-  const Eigen::Matrix<double, 3, 6> voxels = to_voxels_ * motion_mm;
-  curvature_ += factor * voxels.transpose() * share.curvature * voxels;
+  if (by_errors_)
+    add_first<SimilarityDerivatives::kCount>(patch, factor, share);
+  else
+    add_first<SimilarityDerivatives::kMotion>(patch, factor, share);
 }
 
 void PoseDerivatives::add(const PoseDerivatives& other) {

@@ -250,7 +250,7 @@ class Cutter {
   }
 
   void fill(std::size_t p, const std::vector<Beam>& motions) {
-    const UltrasoundPatches::Patch& patch = result_.patches[p];
+    UltrasoundPatches::Patch& patch = result_.patches[p];
     std::size_t strand = patch.first_strand;
     std::size_t place = place_of(strand);
     std::size_t left = length(patch, 0);
@@ -266,13 +266,15 @@ class Cutter {
         }
         const double depth_mm = us_.beams.axial.depth_mm(sample);
         box.extend(put_position(place, us_.beams.beams[beam], depth_mm));
-        if (with_beams_) put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
+        if (with_beams_)
+          patch.by_errors_mm += put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
         result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
         place += kLanes;
         --left;
       });
     });
     strand_boxes_[strand] = box;
+    patch.by_errors_mm /= static_cast<double>(patch.count);
   }
 
   void enclose() {
@@ -298,11 +300,15 @@ class Cutter {
     return position.cast<float>();
   }
 
-  void put_beam(std::size_t place, const Beam& beam, const Beam& motion, double depth_mm) {
+  /// Returns how the sample moves per unit of each of the AcquisitionErrors, mm.
+  Eigen::Matrix<double, 3, 2> put_beam(std::size_t place, const Beam& beam, const Beam& motion,
+                                       double depth_mm) {
+    Eigen::Matrix<double, 3, 2> by_errors_mm;
+    by_errors_mm << depth_mm * beam.direction, motion.origin_mm + depth_mm * motion.direction;
     set(beam.direction, place, result_.direction_x, result_.direction_y, result_.direction_z);
-    set(motion.origin_mm + depth_mm * motion.direction, place, result_.sweep_x, result_.sweep_y,
-        result_.sweep_z);
+    set(by_errors_mm.col(1), place, result_.sweep_x, result_.sweep_y, result_.sweep_z);
     result_.depth_mm[place] = static_cast<float>(depth_mm);
+    return by_errors_mm;
   }
 
   const BeamUltrasound& us_;

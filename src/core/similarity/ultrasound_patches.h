@@ -32,6 +32,9 @@ struct UltrasoundPatches {
     double square_sum = 0.0;                                 // squared deviations from the mean
     double depth_mm = 0.0;                                   // mean depth of its samples
     Eigen::Vector3d centre_us_mm = Eigen::Vector3d::Zero();  // middle of the patch
+    /// How its samples move per unit of AcquisitionErrors::depth and ::sweep on average, mm; 0
+    /// without beams.
+    Eigen::Matrix<double, 3, 2> by_errors_mm = Eigen::Matrix<double, 3, 2>::Zero();
     std::size_t first_strand = 0;
     std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
   };

@@ -48,5 +48,24 @@ TEST(AcquisitionErrorsOfARegistration, AWrongMotorStepIsNamedWithoutBeingAskedFo
       << narrow.message;
 }
 
+/// Wrong depths are made up for by the pose, so that the kidney fits and lies in the wrong place.
+TEST(AcquisitionErrorsOfARegistration, WrongDepthsAreNamedAndCountInTheExpectedError) {
+  const auto named = [](double factor, const std::string& words) {
+    PreScanVolume us = agar_phantom().ultrasound;
+    us.geometry.axial.start_depth_mm *= factor;
+    us.geometry.axial.spacing_mm *= factor;
+    const RegistrationCase images = case_of(agar_phantom(), us);
+    const RegistrationResult result =
+        register_ultrasound(images.us, images.ct, images.T_us_ct_true, quick_options(""));
+    const double moved_mm = images.error_mm(result.candidates.front().T_us_ct);
+    EXPECT_GT(moved_mm, 2.0);
+    EXPECT_GT(*result.measures.error_bound_mm, moved_mm);
+    EXPECT_NE(result.message.find(words + ": check depth and sample spacing"), std::string::npos)
+        << result.message << " " << *result.measures.depth_error;
+  };
+  named(1.07, "smaller");
+  named(1.0 / 1.07, "larger");
+}
+
 }  // namespace
 }  // namespace usct::test

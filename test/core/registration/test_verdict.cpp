@@ -127,17 +127,39 @@ TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
   const auto message = [&] {
     return result_of(two_optima(), refined(), assessment, std::nullopt).message;
   };
-  assessment.measures.depth_error = -0.03;
-  assessment.measures.sweep_error = 0.05;
+  assessment.measures.depth_error = -0.015;
+  assessment.measures.sweep_error = 0.04;
+  assessment.measures.errors_ratio = 1.1;
+  assessment.measures.errors_advantage = 5.0;
   EXPECT_EQ(message(), "all gates passed");
   assessment.measures.depth_error = -0.06;
   EXPECT_NE(message().find("depths are 6 % smaller"), std::string::npos) << message();
   EXPECT_EQ(message().find("frames"), std::string::npos) << message();
   assessment.measures.sweep_error = 0.12;
   EXPECT_NE(message().find("12 % farther apart"), std::string::npos) << message();
+  // Noise may make errors that the images do not show.
+  for (std::optional<double> Measures::*measure :
+       {&Measures::errors_ratio, &Measures::errors_advantage}) {
+    const std::optional<double> shown = assessment.measures.*measure;
+    for (const std::optional<double>& weak : {std::optional(1.01), std::optional<double>()}) {
+      assessment.measures.*measure = weak;
+      EXPECT_EQ(message(), "all gates passed");
+    }
+    assessment.measures.*measure = shown;
+  }
   assessment = torn();
   assessment.measures.depth_error = 0.07;
+  assessment.measures.errors_ratio = 1.1;
+  assessment.measures.errors_advantage = 5.0;
   expect_named(assessment, {"depths are 7 % larger", "probe file"});
+  assessment = strong();
+  assessment.measures.depth_error = 0.07;
+  assessment.measures.errors_ratio = 1.1;
+  assessment.measures.errors_advantage = 5.0;
+  assessment.measures.expected_error_mm = 6.0;
+  expect_named(assessment,
+               {"expected are 6 mm), since the recorded depths are wrong; the ultrasound "
+                "fits better if its depths are 7 % larger"});
 }
 
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {

@@ -44,27 +44,28 @@ inline SimilarityPose changed(const SimilarityPose& pose,
   const Eigen::Vector3d turn = change.head<3>();
   if (turn.norm() > 0.0)
     motion.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
-  motion.translation() = change.tail<3>();
-  return {pose.T_ct_us * motion, pose.errors};
+  motion.translation() = change.segment<3>(3);
+  return {pose.T_ct_us * motion, {pose.errors.depth + change[6], pose.errors.sweep + change[7]}};
 }
 
 /// Changes that move the field by about a millimetre.
 inline SimilarityDerivatives::Vector unit_changes() {
   SimilarityDerivatives::Vector units;
-  units << 0.1, 0.1, 0.1, 1.0, 1.0, 1.0;
+  units << 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 0.05, 0.1;
   return units;
 }
 
-/// Compares the gradient with differences of the value over steps of a voxel's size, since the
-/// value has a small step wherever a sample goes from cell to cell. The tolerance is for what a
-/// rotation does within a patch.
-inline void expect_slopes(const Similarity& similarity, const SimilarityPose& pose) {
+/// Compares the first entries of the gradient with differences of the value over steps of a voxel's
+/// size, since the value has a small step wherever a sample goes from cell to cell. The tolerance
+/// is for what a rotation does within a patch.
+inline void expect_slopes(const Similarity& similarity, const SimilarityPose& pose,
+                          int count = SimilarityDerivatives::kMotion) {
   const auto derivatives = similarity.derivatives(pose, DerivativeOrder::kCurvature);
   ASSERT_TRUE(derivatives);
   EXPECT_EQ(derivatives->value.value, similarity.evaluate(pose).value);
   const SimilarityDerivatives::Vector units = unit_changes();
   const SimilarityDerivatives::Vector gradient = derivatives->gradient.cwiseProduct(units);
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < count; ++i) {
     constexpr double kStep = 0.4;
     SimilarityDerivatives::Vector step = SimilarityDerivatives::Vector::Zero();
     step[i] = kStep * units[i];

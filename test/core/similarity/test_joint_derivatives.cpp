@@ -8,7 +8,7 @@
 namespace usct::test {
 namespace {
 
-using Vector6 = SimilarityDerivatives::Vector;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// Ultrasound in a CT, and a function at the knots.
 struct JointScene {

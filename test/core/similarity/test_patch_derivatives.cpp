@@ -307,6 +307,31 @@ TEST(LocalLc2Derivatives, AreTheSlopesOfTheValue) {
     expect_slopes(*similarity_of(scene.us, scene.ct, scene.options), near_pose(errors));
 }
 
+/// With a ridge, stretched ultrasound has another similarity in each patch by itself, since slopes
+/// of the CT become steeper or flatter; the derivatives take patches as rigid.
+TEST(LocalLc2Derivatives, ByErrorsAreTheSlopesWithoutARidge) {
+  RegistrableByLc2 scene;
+  scene.options.ridge_intensity_hu = scene.options.ridge_gradient_hu_per_mm = 0.0;
+  const auto similarity = similarity_of(scene.us, scene.ct, scene.options);
+  EXPECT_TRUE(similarity->has_error_derivatives());
+  for (const AcquisitionErrors& errors : {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03}})
+    expect_slopes(*similarity, near_pose(errors), SimilarityDerivatives::kCount);
+}
+
+TEST(LocalLc2Derivatives, ByErrorsNeedBeams) {
+  const RegistrableByLc2 scene;
+  SimilarityImages images(std::make_shared<const BeamUltrasound>(scene.us),
+                          pack_ct(scene.ct, kWindow, kBackgroundHu), nullptr, false);
+  const auto similarity = make_similarity(images, scene.options);
+  EXPECT_FALSE(similarity->has_error_derivatives());
+  const auto derivatives = similarity->derivatives(near_pose({}), DerivativeOrder::kCurvature);
+  const auto with_beams = similarity_of(scene.us, scene.ct, scene.options)
+                              ->derivatives(near_pose({}), DerivativeOrder::kCurvature);
+  EXPECT_TRUE(derivatives->gradient.tail<2>().isZero(0.0));
+  EXPECT_TRUE(derivatives->curvature.bottomRows<2>().isZero(0.0));
+  EXPECT_EQ(derivatives->gradient.head<6>(), with_beams->gradient.head<6>());
+}
+
 TEST(LocalLc2Derivatives, FollowWeightsPowerAndLongPatches) {
   RegistrableByLc2 scene;
   scene.options.power = 2.0;
