@@ -271,7 +271,7 @@ class LocalLc2 final : public PoseByPose {
 
   void add_patch(std::size_t p, const Fit& fit, const PatchDerivativeSums& sums,
                  PoseDerivatives& result) const {
-    result.add(us_->patches[p], fit.factor, share_derivatives(fit.moments, fit.slopes, sums));
+    result.add(p, fit.factor, share_derivatives(fit.moments, fit.slopes, sums));
   }
 
   double part_of(std::size_t p, double share) const {

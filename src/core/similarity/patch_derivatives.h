@@ -97,28 +97,28 @@ ShareDerivatives share_derivatives(const PatchMoments& moments, const ShareSlope
 class PoseDerivatives {
  public:
   PoseDerivatives(const PatchKernelInput& input, DerivativeOrder order)
-      : to_voxels_(input.T_index_us.linear()),
+      : us_(&input.us),
+        to_voxels_(input.T_index_us.linear()),
         errors_(input.errors.depth, input.errors.sweep),
-        order_(order),
-        by_errors_(input.us.has_beams()) {}
+        order_(order) {}
 
-  /// Adds a patch, times a factor.
-  void add(const UltrasoundPatches::Patch& patch, double factor, const ShareDerivatives& share);
+  /// Adds a patch of the ultrasound, times a factor.
+  void add(std::size_t patch, double factor, const ShareDerivatives& share);
   void add(const PoseDerivatives& other);
 
   const SimilarityDerivatives::Vector& gradient() const { return gradient_; }
   const SimilarityDerivatives::Matrix& curvature() const { return curvature_; }
 
  private:
-  /// The same for the first parameters only.
+  /// Adds a patch whose samples move by these columns per unit of the first parameters, mm.
   template <int kParameters>
-  void add_first(const UltrasoundPatches::Patch& patch, double factor,
-                 const ShareDerivatives& share);
+  void add(const Eigen::Matrix<double, 3, kParameters>& motion_mm, double factor,
+           const ShareDerivatives& share);
 
+  const UltrasoundPatches* us_;
   Eigen::Matrix3d to_voxels_;
   Eigen::Vector2d errors_;
   DerivativeOrder order_;
-  bool by_errors_;
   SimilarityDerivatives::Vector gradient_ = SimilarityDerivatives::Vector::Zero();
   SimilarityDerivatives::Matrix curvature_ = SimilarityDerivatives::Matrix::Zero();
 };

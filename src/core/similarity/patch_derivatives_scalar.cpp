@@ -133,31 +133,37 @@ ShareDerivatives share_derivatives(const PatchMoments& moments, const ShareSlope
   return {sums.share, 2.0 / moments.uu * squares};
 }
 
+namespace {
+
+/// How a place moves per unit of the motion of SimilarityDerivatives, mm.
+Eigen::Matrix<double, 3, SimilarityDerivatives::kMotion> motion_of(const Eigen::Vector3d& place) {
+  Eigen::Matrix<double, 3, SimilarityDerivatives::kMotion> motion;
+  motion << 0.0, place.z(), -place.y(), 1.0, 0.0, 0.0,  //
+      -place.z(), 0.0, place.x(), 0.0, 1.0, 0.0,        //
+      place.y(), -place.x(), 0.0, 0.0, 0.0, 1.0;
+  return motion;
+}
+
+}  // namespace
+
 template <int kParameters>
-void PoseDerivatives::add_first(const UltrasoundPatches::Patch& patch, double factor,
-                                const ShareDerivatives& share) {
-  const Eigen::Vector3d centre = patch.centre_us_mm + patch.by_errors_mm * errors_;
-  Eigen::Matrix<double, 3, SimilarityDerivatives::kCount> motion_mm;  // of the middle of the patch
-  motion_mm.leftCols<SimilarityDerivatives::kMotion>() << 0.0, centre.z(), -centre.y(), 1.0, 0.0,
-      0.0,                                          //
-      -centre.z(), 0.0, centre.x(), 0.0, 1.0, 0.0,  //
-      centre.y(), -centre.x(), 0.0, 0.0, 0.0, 1.0;
-  motion_mm.rightCols<2>() = patch.by_errors_mm;
-  const auto moved_mm = motion_mm.leftCols<kParameters>();
+void PoseDerivatives::add(const Eigen::Matrix<double, 3, kParameters>& motion_mm, double factor,
+                          const ShareDerivatives& share) {
   const Eigen::Vector3d force = factor * to_voxels_.transpose() * share.gradient;
-  gradient_.head<kParameters>() += moved_mm.transpose() * force;
+  gradient_.head<kParameters>() += motion_mm.transpose() * force;
   if (order_ == DerivativeOrder::kGradient) return;
-  const Eigen::Matrix<double, 3, kParameters> voxels = to_voxels_ * moved_mm;
+  const Eigen::Matrix<double, 3, kParameters> voxels = to_voxels_ * motion_mm;
   curvature_.topLeftCorner<kParameters, kParameters>() +=
       factor * voxels.transpose() * share.curvature * voxels;
 }
 
-void PoseDerivatives::add(const UltrasoundPatches::Patch& patch, double factor,
-                          const ShareDerivatives& share) {
-  if (by_errors_)
-    add_first<SimilarityDerivatives::kCount>(patch, factor, share);
-  else
-    add_first<SimilarityDerivatives::kMotion>(patch, factor, share);
+void PoseDerivatives::add(std::size_t patch, double factor, const ShareDerivatives& share) {
+  const Eigen::Vector3d& centre_us_mm = us_->patches[patch].centre_us_mm;
+  if (!us_->has_beams()) return add(motion_of(centre_us_mm), factor, share);
+  const Eigen::Matrix<double, 3, 2>& by_errors_mm = us_->by_errors_mm[patch];
+  Eigen::Matrix<double, 3, SimilarityDerivatives::kCount> motion_mm;
+  motion_mm << motion_of(centre_us_mm + by_errors_mm * errors_), by_errors_mm;
+  add(motion_mm, factor, share);
 }
 
 void PoseDerivatives::add(const PoseDerivatives& other) {

@@ -1,6 +1,7 @@
 #include "similarity/ultrasound_patches.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -199,58 +200,65 @@ class Cutter {
 
   /// Arranges strands in blocks.
   void lay_out() {
-    std::vector<std::size_t> lengths;  // number of samples of each strand
     const auto next_block = [&] {
-      lengths.resize((lengths.size() + kLanes - 1) / kLanes * kLanes);
+      lengths_.resize((lengths_.size() + kLanes - 1) / kLanes * kLanes);
     };
     for (Box& box : boxes_) {
       const bool single = box.patch.count <= UltrasoundPatches::kLongestStrand;
       if (!single) ++result_.first_single_patch;
       if (single && result_.first_single_patch == result_.patches.size()) {
         next_block();
-        result_.first_single_block = lengths.size() / kLanes;
+        result_.first_single_block = lengths_.size() / kLanes;
       }
-      box.patch.first_strand = lengths.size();
+      box.patch.first_strand = lengths_.size();
       result_.count += box.patch.count;
       result_.patches.push_back(box.patch);
       const std::size_t strands = box.patch.strands();
-      for (std::size_t i = 0; i < strands; ++i) lengths.push_back(length(box.patch, i));
+      for (std::size_t i = 0; i < strands; ++i) lengths_.push_back(length(box.patch, i));
     }
     next_block();
     if (result_.first_single_patch == result_.patches.size())
-      result_.first_single_block = lengths.size() / kLanes;
+      result_.first_single_block = lengths_.size() / kLanes;
     std::size_t begin = 0;
-    for (auto lane = lengths.begin(); lane != lengths.end(); lane += kLanes) {
+    for (auto lane = lengths_.begin(); lane != lengths_.end(); lane += kLanes) {
       const auto [least, most] = std::minmax_element(lane, lane + kLanes);
       result_.blocks.push_back({begin, *most, *least, {}});
       begin += *most * kLanes;
     }
     size_in_memory_ = begin;
-    strand_boxes_.resize(lengths.size());
+    strand_boxes_.resize(lengths_.size());
   }
 
-  /// Allocates the arrays, filled with padding, which remains behind the shorter strands of a
-  /// block.
+  /// Allocates the arrays, whose pages the threads touch first when they fill them.
   void allocate() {
-    std::vector<std::pair<LargeVector<float>*, float>> all{
-        {&result_.x_mm, UltrasoundPatches::kNowhere},
-        {&result_.y_mm, UltrasoundPatches::kNowhere},
-        {&result_.z_mm, UltrasoundPatches::kNowhere},
-        {&result_.value, 0.0F}};
-    if (with_beams_)
-      for (auto* values : {&result_.direction_x, &result_.direction_y, &result_.direction_z,
-                           &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm})
-        all.emplace_back(values, 0.0F);
-    for (const auto& [values, padding] : all) values->resize(size_in_memory_);
-    parallel_ranges(size_in_memory_, [&](std::size_t begin, std::size_t end) {
-      for (const auto& [values, padding] : all)
-        std::fill(values->begin() + static_cast<std::ptrdiff_t>(begin),
-                  values->begin() + static_cast<std::ptrdiff_t>(end), padding);
-    });
+    for (auto* values : {&result_.x_mm, &result_.y_mm, &result_.z_mm, &result_.value})
+      values->resize(size_in_memory_);
+    if (!with_beams_) return;
+    for (LargeVector<float>* values : of_beams()) values->resize(size_in_memory_);
+    result_.by_errors_mm.resize(result_.patches.size());
+  }
+
+  std::array<LargeVector<float>*, 7> of_beams() {
+    return {&result_.direction_x, &result_.direction_y, &result_.direction_z, &result_.sweep_x,
+            &result_.sweep_y,     &result_.sweep_z,     &result_.depth_mm};
+  }
+
+  /// Writes padding behind the samples of a strand, as far as its block reaches.
+  void pad(std::size_t strand) {
+    const UltrasoundPatches::Block& block = result_.blocks[strand / kLanes];
+    for (std::size_t row = lengths_[strand]; row < block.rows; ++row) {
+      const std::size_t place = block.begin + row * kLanes + strand % kLanes;
+      for (auto* position : {&result_.x_mm, &result_.y_mm, &result_.z_mm})
+        (*position)[place] = UltrasoundPatches::kNowhere;
+      result_.value[place] = 0.0F;
+      if (with_beams_)
+        for (LargeVector<float>* values : of_beams()) (*values)[place] = 0.0F;
+    }
   }
 
   void fill(std::size_t p, const std::vector<Beam>& motions) {
-    UltrasoundPatches::Patch& patch = result_.patches[p];
+    const UltrasoundPatches::Patch& patch = result_.patches[p];
+    Eigen::Matrix<double, 3, 2> by_errors_mm = Eigen::Matrix<double, 3, 2>::Zero();  // sum
     std::size_t strand = patch.first_strand;
     std::size_t place = place_of(strand);
     std::size_t left = length(patch, 0);
@@ -260,6 +268,7 @@ class Cutter {
         if (left == 0) {
           strand_boxes_[strand] = box;
           box.setEmpty();
+          pad(strand);
           ++strand;
           place = place_of(strand);
           left = length(patch, strand - patch.first_strand);
@@ -267,19 +276,23 @@ class Cutter {
         const double depth_mm = us_.beams.axial.depth_mm(sample);
         box.extend(put_position(place, us_.beams.beams[beam], depth_mm));
         if (with_beams_)
-          patch.by_errors_mm += put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
+          by_errors_mm += put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
         result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
         place += kLanes;
         --left;
       });
     });
     strand_boxes_[strand] = box;
-    patch.by_errors_mm /= static_cast<double>(patch.count);
+    pad(strand);
+    if (with_beams_) result_.by_errors_mm[p] = by_errors_mm / static_cast<double>(patch.count);
   }
 
+  /// Finds the boxes of the blocks, and pads lanes that have no strand.
   void enclose() {
-    for (std::size_t strand = 0; strand < strand_boxes_.size(); ++strand)
+    for (std::size_t strand = 0; strand < strand_boxes_.size(); ++strand) {
       result_.blocks[strand / kLanes].box.extend(strand_boxes_[strand]);
+      if (lengths_[strand] == 0) pad(strand);
+    }
   }
 
   /// The place of the first sample of a strand.
@@ -317,6 +330,7 @@ class Cutter {
   int step_;  // step between counting samples of a line
   double least_share_;
   std::vector<Box> boxes_;
+  std::vector<std::size_t> lengths_;  // number of samples of each strand; 0: there is none
   std::vector<Eigen::AlignedBox3f> strand_boxes_;
   std::size_t size_in_memory_ = 0;
   UltrasoundPatches result_;

@@ -32,9 +32,6 @@ struct UltrasoundPatches {
     double square_sum = 0.0;                                 // squared deviations from the mean
     double depth_mm = 0.0;                                   // mean depth of its samples
     Eigen::Vector3d centre_us_mm = Eigen::Vector3d::Zero();  // middle of the patch
-    /// How its samples move per unit of AcquisitionErrors::depth and ::sweep on average, mm; 0
-    /// without beams.
-    Eigen::Matrix<double, 3, 2> by_errors_mm = Eigen::Matrix<double, 3, 2>::Zero();
     std::size_t first_strand = 0;
     std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
   };
@@ -55,6 +52,9 @@ struct UltrasoundPatches {
   LargeVector<float> direction_x, direction_y, direction_z, depth_mm;
   /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
   LargeVector<float> sweep_x, sweep_y, sweep_z;
+  /// Per patch: how its samples move per unit of AcquisitionErrors::depth and ::sweep on average,
+  /// mm.
+  std::vector<Eigen::Matrix<double, 3, 2>> by_errors_mm;
   std::vector<Block> blocks;
   /// Patches with more samples come first, those of equal size in the order of the ultrasound.
   /// Single-strand patches begin with the lanes of `blocks[first_single_block]`, one lane each.

@@ -3,19 +3,20 @@
 #include <algorithm>
 #include <limits>
 
+#include "large_pages.h"
 #include "parallel.h"
 #include "ultrasound/nth_value.h"
 
 namespace usct {
 
-DepthProfiles depth_profiles(const std::vector<float>& values,
+DepthProfiles depth_profiles(const float* values, std::size_t count,
                              const std::vector<std::uint8_t>& known, std::size_t samples) {
   constexpr std::size_t kAtOnce = 32;  // depths per task: about two cache lines of each beam
-  const std::size_t beams = values.size() / samples;
+  const std::size_t beams = count / samples;
   DepthProfiles result{std::vector<double>(samples), std::vector<double>(samples)};
   const auto find = [&](std::size_t first, std::size_t last) {
     const std::size_t depths = last - first;
-    std::vector<float> columns(depths * beams);  // known values, depth by depth
+    LargeVector<float> columns(depths * beams);  // known values, depth by depth
     std::vector<std::size_t> counts(depths);
     std::vector<double> sums(depths);
     for (std::size_t beam = 0; beam < beams; ++beam)

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "large_pages.h"
 #include "parallel.h"
 #include "require.h"
 #include "ultrasound/depth_profiles.h"
@@ -49,7 +50,8 @@ class Exclusion {
   void run() {
     result_.reasons.assign(us_.brightness.size(), 0);
     smooth();
-    profiles_ = depth_profiles(soft_, us_.known, static_cast<std::size_t>(samples_));
+    profiles_ =
+        depth_profiles(soft_.data(), soft_.size(), us_.known, static_cast<std::size_t>(samples_));
     find_depths();
     find_far_wall();
     judge_depths();
@@ -305,7 +307,7 @@ class Exclusion {
   int samples_;
   int beams_;
   const std::uint8_t* known_;  // null if all brightness is known
-  std::vector<float> soft_;    // brightness after averaging of speckle; 0 where it is not known
+  LargeVector<float> soft_;    // brightness after averaging of speckle; 0 where it is not known
   std::vector<int> wall_;
   // One entry per depth:
   DepthProfiles profiles_;             // of soft_; the usual grey value is the median

@@ -43,8 +43,8 @@ RC_GTEST_PROP(DepthProfiles, AreMeanAndMedianOfWhatIsKnownAtEachDepth, ()) {
       known.push_back((i * 104729) % 97 < 50 ? 255 : 0);
       if (known[i] == 0) values[i] = 0.0F;
     }
-  const DepthProfiles profiles =
-      with_threads(integer(1, 4), [&] { return depth_profiles(values, known, samples); });
+  const DepthProfiles profiles = with_threads(
+      integer(1, 4), [&] { return depth_profiles(values.data(), values.size(), known, samples); });
   for (std::size_t s = 0; s < samples; ++s) {
     std::vector<float> column;
     double sum = 0.0;
