@@ -82,10 +82,10 @@ Assessor::Assessor(const BeamUltrasound& ultrasound, const PreparedCt& ct,
 
 Assessor::~Assessor() = default;
 
-void Assessor::search_decoys_again(int rounds) {
+void Assessor::search_decoys_further(int rounds) {
   decoy_rounds_ = rounds;
-  own_.search_decoys_again(rounds);
-  if (as_patient_) as_patient_->evidence.search_decoys_again(rounds);
+  own_.search_decoys_further(rounds);
+  if (as_patient_) as_patient_->evidence.search_decoys_further(rounds);
 }
 
 bool Assessor::parts_could_save(const Assessment& compared) const {
@@ -147,7 +147,7 @@ std::optional<Refusal> Assessor::assess_as_patient(const Candidate& refined, Ass
         prepare(ultrasound_, ct_, problem_.T_us_ct_initial, options, run);
     if (!images) return images.refusal();
     as_patient_ = std::make_unique<AsPatient>(*this, std::move(options), std::move(*images));
-    as_patient_->evidence.search_decoys_again(decoy_rounds_);
+    as_patient_->evidence.search_decoys_further(decoy_rounds_);
     as_patient_->searched = multi_start(as_patient_->problem, 0, {}, run);
   }
   const std::vector<Candidate> optima =

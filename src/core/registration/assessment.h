@@ -28,7 +28,7 @@ class Assessor {
   /// As Evidence.
   const std::optional<std::vector<Decoy>>& decoys() const { return own_.decoys(); }
   void take_over(std::vector<Decoy> decoys) { own_.take_over(std::move(decoys)); }
-  void search_decoys_again(int rounds);
+  void search_decoys_further(int rounds);
 
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
   /// its rivals. Evidence is gathered only if a gate asks for it; that of other images is left to

@@ -44,36 +44,29 @@ Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
   }
 }
 
-/// The best optimum of a search with mirrored ultrasound; without a value if there is none.
-Candidate best_of(const SearchProblem& problem, const Isometry3d& T_mirror,
-                  const Isometry3d& T_us_ct_found, int rounds, Run& run) {
+/// Searches with mirrored ultrasound from where the search ended, up to so many rounds. The best
+/// has no value if there is none.
+void search(Decoy& decoy, const SearchProblem& problem, const Isometry3d& T_us_ct_found, int rounds,
+            Run& run) {
   std::deque<MirroredSimilarity> mirrored;  // does not move its elements
   const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
-    return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, T_mirror);
+    return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, decoy.T_mirror);
   };
   std::vector<LevelSimilarities> similarities;
   for (const LevelSimilarities& level : problem.similarities)
     similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
   // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
-  const SearchProblem decoy{similarities,  problem.options, problem.T_us_ct_initial,
-                            problem.field, problem.seed,    T_us_ct_found};
-  std::vector<Candidate> optima;
-  for (int round = 0; round < rounds; ++round)
-    optima = multi_start(decoy, round, std::move(optima), run);
-  return optima.empty() ? Candidate{} : optima.front();
-}
-
-/// The decoys with the poses that were found for them; without those that have none.
-std::vector<Decoy> found(std::vector<Decoy> decoys, const SearchProblem& problem,
-                         const Isometry3d& T_us_ct_found, int rounds, Run& run) {
-  parallel_for(static_cast<int>(decoys.size()), [&](int i) {
-    Decoy& decoy = decoys[static_cast<std::size_t>(i)];
-    decoy.best = best_of(problem, decoy.T_mirror, T_us_ct_found, rounds, run);
-  });
-  decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
-                              [](const Decoy& decoy) { return !decoy.best.has_value(); }),
-               decoys.end());
-  return decoys;
+  const SearchProblem of_decoy{similarities,  problem.options, problem.T_us_ct_initial,
+                               problem.field, problem.seed,    T_us_ct_found};
+  if (decoy.rounds > 0) {
+    const Candidate near =
+        optimum_near(of_decoy, T_us_ct_found, problem.options.levels.back().reach_mm, run);
+    if (near.has_value()) decoy.optima.push_back(near);
+    sort_best_first(decoy.optima, decoy.optima.size());
+  }
+  for (; decoy.rounds < rounds; ++decoy.rounds)
+    decoy.optima = multi_start(of_decoy, decoy.rounds, std::move(decoy.optima), run);
+  decoy.best = decoy.optima.empty() ? Candidate{} : decoy.optima.front();
 }
 
 }  // namespace
@@ -120,15 +113,26 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
   return result;
 }
 
+std::vector<Decoy> searched_further(std::vector<Decoy> decoys, const SearchProblem& problem,
+                                    const Isometry3d& T_us_ct_found, int rounds, Run& run) {
+  parallel_for(static_cast<int>(decoys.size()), [&](int i) {
+    search(decoys[static_cast<std::size_t>(i)], problem, T_us_ct_found, rounds, run);
+  });
+  decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
+                              [](const Decoy& decoy) { return !decoy.best.has_value(); }),
+               decoys.end());
+  return decoys;
+}
+
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  int rounds, Run& run) {
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn}) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
-    decoys.push_back({mirror, mirror_of(mirror, beams, problem.field.centre_us_mm()), {}});
+    decoys.push_back({mirror, mirror_of(mirror, beams, problem.field.centre_us_mm()), {}, {}});
   }
-  return found(std::move(decoys), problem, T_us_ct_found, rounds, run);
+  return searched_further(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
 
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
@@ -140,8 +144,9 @@ std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
     decoys.push_back(
         {mirror,
          ct_mirror_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
+         {},
          {}});
-  return found(std::move(decoys), problem, T_us_ct_found, rounds, run);
+  return searched_further(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
 
 }  // namespace usct::registration

@@ -64,6 +64,9 @@ struct Decoy {
   Mirror mirror = Mirror::kLines;
   Eigen::Isometry3d T_mirror = Eigen::Isometry3d::Identity();
   Candidate best;
+  /// All optima of the rounds so far, best first.
+  std::vector<Candidate> optima;
+  int rounds = 0;
 };
 
 /// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
@@ -76,5 +79,10 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       const Eigen::Isometry3d& T_us_ct_found,
                                       const Eigen::Matrix3d& axes, int rounds, Run& run);
+
+/// Goes on with such a search where it ended, up to so many rounds in all, and climbs from a pose
+/// that was found for the ultrasound since.
+std::vector<Decoy> searched_further(std::vector<Decoy> decoys, const SearchProblem& problem,
+                                    const Eigen::Isometry3d& T_us_ct_found, int rounds, Run& run);
 
 }  // namespace usct::registration

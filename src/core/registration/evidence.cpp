@@ -129,7 +129,7 @@ bool Evidence::leaves_doubt(const Assessment& assessment) const {
   return !wrong || (*wrong < kSurelyWrong && !is_beyond_doubt(assessment));
 }
 
-void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) const {
+void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
   if (!decoys_ || is_beyond_doubt(assessment)) return;
   Measures& measures = assessment.measures;
   Measures at_best = measures;
@@ -148,6 +148,9 @@ void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison&
   if (!decoys_)
     decoys_ =
         search_decoys(in_.problem, best.T_us_ct, in_.images.prepared.us->beams, decoy_rounds_, run);
+  else if (must_go_on_)
+    decoys_ = searched_further(*std::move(decoys_), in_.problem, best.T_us_ct, decoy_rounds_, run);
+  must_go_on_ = false;
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
@@ -243,13 +246,15 @@ void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& mea
   if (most) measures.mirror_agreement = std::max(measures.mirror_agreement.value_or(*most), *most);
 }
 
-void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment,
-                                        Run& run) const {
+void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) {
   const PatchComparison patches(in_.images, in_.options, best);
   Measures& measures = assessment.measures;
   std::optional<Decoy> better;
-  for (const Decoy& decoy :
-       search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction, decoy_rounds_, run)) {
+  mirrored_ct_ = mirrored_ct_ ? searched_further(*std::move(mirrored_ct_), in_.problem,
+                                                 best.T_us_ct, decoy_rounds_, run)
+                              : search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction,
+                                                   decoy_rounds_, run);
+  for (const Decoy& decoy : *mirrored_ct_) {
     if (!(decoy.best.value > (better ? better->best : best).value)) continue;
     const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
     if (!(advantage < 0.0)) continue;

@@ -48,10 +48,10 @@ class Evidence {
     decoys_ = std::move(decoys);
     ct_is_known_ = true;
   }
-  /// Lets the next comparison search for the decoys in so many rounds: a pose that a later round
-  /// found had more starts, and so must the decoys that it is compared with.
-  void search_decoys_again(int rounds) {
-    decoys_.reset();
+  /// Lets the next comparison search for the decoys in so many rounds, and near its pose: a pose
+  /// that a later round found had more starts, and so must the decoys that it is compared with.
+  void search_decoys_further(int rounds) {
+    must_go_on_ = true;
     decoy_rounds_ = rounds;
   }
 
@@ -65,7 +65,7 @@ class Evidence {
   bool leaves_doubt(const Assessment& assessment) const;
   /// Gathers the evidence that takes long, where it could decide about a checked pose: the
   /// agreement of mirror images, and mirrored CTs.
-  void settle(const Candidate& best, Assessment& assessment, Run& run) const;
+  void settle(const Candidate& best, Assessment& assessment, Run& run);
 
  private:
   SimilarityImages& deciding_images() const { return *in_.images.levels.back().images; }
@@ -89,11 +89,13 @@ class Evidence {
   /// The local agreement of decoys, if it is more than that of others so far.
   void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run) const;
   /// A mirrored CT that fits better, as a whole and patch by patch, is the best mirror.
-  void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) const;
+  void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run);
 
   const EvidenceInput in_;
   /// They are kept from round to round: what is no better than decoys of fewer starts is refused.
   std::optional<std::vector<Decoy>> decoys_;
+  std::optional<std::vector<Decoy>> mirrored_ct_;
+  bool must_go_on_ = false;
   int decoy_rounds_ = 1;
   bool ct_is_known_ = false;
 };

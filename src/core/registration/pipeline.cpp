@@ -43,7 +43,7 @@ class Pipeline {
   Outcome<Judged> judged(Assessor& assessor, const std::vector<Candidate>& optima,
                          const Assessment& compared, const Candidate& refined);
   bool has_left(const Candidate& optimum, const Candidate& refined) const;
-  /// The same pose, judged beside decoys of so many rounds.
+  /// The same pose, judged beside decoys of so many rounds at least, which climb from it too.
   Outcome<Judged> judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
                                const Candidate& refined, int rounds);
   std::optional<Trail> trail(const Assessor& assessor, const std::vector<Candidate>& optima,
@@ -65,16 +65,16 @@ Outcome<Judged> Pipeline::judged(Assessor& assessor, std::vector<Candidate>& opt
                                  const Assessment& compared, int rounds) {
   const Outcome<Candidate> refined = refine(images_, ct_, optima.front(), options_, run_);
   if (!refined) return refined.refusal();
+  bool is_another = false;
   if (assessor.gathers_own() && has_left(optima.front(), *refined)) {
     const Candidate reached = run_.timed("search", [&] {
       return optimum_near(problem_, refined->T_us_ct, options_.confidence.rival_mm, run_);
     });
-    if (reached.has_value() && has_left(optima.front(), reached)) {
-      optima = headed_by(reached, optima, problem_);
-      return judged_again(assessor, optima, *refined, rounds);
-    }
+    is_another = reached.has_value() && has_left(optima.front(), reached);
+    if (is_another) optima = headed_by(reached, optima, problem_);
   }
-  const Outcome<Judged> best = judged(assessor, optima, compared, *refined);
+  const Outcome<Judged> best = is_another ? judged_again(assessor, optima, *refined, 1)
+                                          : judged(assessor, optima, compared, *refined);
   // More starts than the decoys had may have found a wrong pose that is better than they are.
   if (best && !best->failure && rounds > 1) return judged_again(assessor, optima, *refined, rounds);
   return best;
@@ -90,7 +90,7 @@ Outcome<Judged> Pipeline::judged(Assessor& assessor, const std::vector<Candidate
 
 Outcome<Judged> Pipeline::judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
                                        const Candidate& refined, int rounds) {
-  assessor.search_decoys_again(rounds);
+  assessor.search_decoys_further(rounds);
   const Assessment compared =
       run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
   return judged(assessor, optima, compared, refined);

@@ -29,7 +29,7 @@ Decoy follow_decoy(const Decoy& before, const Isometry3d& T_now_before, const Is
   evaluate(similarity, candidates, run);
   climb(similarity, {level.optimizer, reach_mm, {}, problem.seed}, problem.field, candidates, run);
   sort_best_first(candidates, 1);
-  return {before.mirror, T_mirror, candidates.front()};
+  return {before.mirror, T_mirror, candidates.front(), {}};
 }
 
 }  // namespace

@@ -156,6 +156,13 @@ class Searched {
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);
   }
+  std::vector<Decoy> further(std::vector<Decoy> decoys, const Isometry3d& T_us_ct_found,
+                             int rounds) {
+    return registration::searched_further(
+        std::move(decoys),
+        {{{&peaks_, nullptr}, {&peaks_, nullptr}}, options_, initial_, field_, 1}, T_us_ct_found,
+        rounds, run_);
+  }
   std::vector<Decoy> of_mirrored_ct(const Isometry3d& T_us_ct_found, const Eigen::Matrix3d& axes) {
     return registration::search_mirrored_ct(
         {{{&peaks_, nullptr}, {&peaks_, nullptr}}, options_, initial_, field_, 1}, T_us_ct_found,
@@ -237,6 +244,11 @@ TEST(SearchDecoys, TheyClimbFromThePoseThatWasFound) {
   };
   EXPECT_GT(height(found), 0.95);
   EXPECT_LT(height(Isometry3d::Identity()), 0.6);
+  // A search that goes on climbs from the pose that was found since, and searches no round again.
+  const std::vector<Decoy> before = searched.decoys(Isometry3d::Identity());
+  const std::vector<Decoy> after = searched.further(before, found, 1);
+  EXPECT_GT(after.front().best.value, 0.95);
+  EXPECT_EQ(after.front().optima.size(), before.front().optima.size() + 1);
 }
 
 /// A pose that a later round found had more starts, and is compared with decoys that had as many.
@@ -251,6 +263,10 @@ TEST(SearchDecoys, MoreRoundsFindNarrowerPeaks) {
   };
   EXPECT_LT(height(1), 0.6);
   EXPECT_GT(height(3), 0.95);
+  const std::vector<Decoy> gone_on =
+      searched.further(searched.decoys(Isometry3d::Identity(), 1), Isometry3d::Identity(), 3);
+  EXPECT_EQ(gone_on.front().best.value, height(3));
+  EXPECT_EQ(gone_on.front().rounds, 3);
 }
 
 }  // namespace

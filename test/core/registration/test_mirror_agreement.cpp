@@ -20,7 +20,8 @@ Decoy decoy_of(Mirror mirror) {
   return {mirror,
           registration::mirror_of(mirror, symmetric_motorised(40, 9, 9, 0.05, 0.05),
                                   cube_field().centre_us_mm()),
-          {kFound, {}}};
+          {kFound, {}},
+          {}};
 }
 
 /// Where clusters of the ultrasound wish to be moved to, as those of the mirrored ultrasound see
