@@ -13,8 +13,8 @@ struct Comparison {
   double advantage = 0.0;  // patch by patch
 };
 
-// Where the geometry was right the ratio was 1.02 at most if the advantage was above 2.5, in 22
-// phantoms of ten kinds. With depths that were 4 % wrong it was 1.01 to 1.15.
+// In 22 phantoms of ten kinds with right geometry, the ratio was 1.02 at most where the advantage
+// was above 2.5. With depths that were 4 % wrong it was 1.01 to 1.15.
 bool is_clear(const Comparison& comparison) {
   constexpr double kRatio = 1.04;
   constexpr double kAdvantage = 2.5;

@@ -43,6 +43,7 @@ TEST(AcquisitionErrorsOfARegistration, AWrongMotorStepIsNamedWithoutBeingAskedFo
   const RegistrationResult wide = if_recorded(1.2, "");
   EXPECT_NE(wide.message.find("closer together: check the motor's step"), std::string::npos)
       << wide.message << *wide.measures.sweep_error;
+  EXPECT_EQ(*wide.measures.depth_error, 0.0);  // the ultrasound fits as well without one
   const RegistrationResult narrow = if_recorded(1.0 / 1.2, "");
   EXPECT_NE(narrow.message.find("farther apart: check the motor's step"), std::string::npos)
       << narrow.message;
