@@ -1,7 +1,6 @@
 #include "similarity/ultrasound_patches.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -70,15 +69,12 @@ class Cutter {
     allocate();
     const std::vector<Beam> motions = with_beams_ ? sweep_motions() : std::vector<Beam>{};
     constexpr std::size_t kAtOnce = 64;
-    const auto each_of = [](std::size_t count, const auto& work) {
-      parallel_ranges(
-          count,
-          [&](std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i) work(i);
-          },
-          kAtOnce);
-    };
-    each_of(boxes_.size(), [&](std::size_t patch) { fill(patch, motions); });
+    parallel_ranges(
+        boxes_.size(),
+        [&](std::size_t begin, std::size_t end) {
+          for (std::size_t patch = begin; patch < end; ++patch) fill(patch, motions);
+        },
+        kAtOnce);
     enclose();
     return std::move(result_);
   }
@@ -231,16 +227,14 @@ class Cutter {
 
   /// Allocates the arrays, whose pages the threads touch first when they fill them.
   void allocate() {
-    for (auto* values : {&result_.x_mm, &result_.y_mm, &result_.z_mm, &result_.value})
-      values->resize(size_in_memory_);
-    if (!with_beams_) return;
-    for (LargeVector<float>* values : of_beams()) values->resize(size_in_memory_);
-    result_.by_errors_mm.resize(result_.patches.size());
-  }
-
-  std::array<LargeVector<float>*, 7> of_beams() {
-    return {&result_.direction_x, &result_.direction_y, &result_.direction_z, &result_.sweep_x,
-            &result_.sweep_y,     &result_.sweep_z,     &result_.depth_mm};
+    arrays_ = {&result_.x_mm, &result_.y_mm, &result_.z_mm, &result_.value};
+    if (with_beams_) {
+      arrays_.insert(arrays_.end(),
+                     {&result_.direction_x, &result_.direction_y, &result_.direction_z,
+                      &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm});
+      result_.by_errors_mm.resize(result_.patches.size());
+    }
+    for (LargeVector<float>* values : arrays_) values->resize(size_in_memory_);
   }
 
   /// Writes padding behind the samples of a strand, as far as its block reaches.
@@ -248,11 +242,8 @@ class Cutter {
     const UltrasoundPatches::Block& block = result_.blocks[strand / kLanes];
     for (std::size_t row = lengths_[strand]; row < block.rows; ++row) {
       const std::size_t place = block.begin + row * kLanes + strand % kLanes;
-      for (auto* position : {&result_.x_mm, &result_.y_mm, &result_.z_mm})
-        (*position)[place] = UltrasoundPatches::kNowhere;
-      result_.value[place] = 0.0F;
-      if (with_beams_)
-        for (LargeVector<float>* values : of_beams()) (*values)[place] = 0.0F;
+      for (std::size_t i = 0; i < arrays_.size(); ++i)
+        (*arrays_[i])[place] = i < 3 ? UltrasoundPatches::kNowhere : 0.0F;
     }
   }
 
@@ -334,6 +325,7 @@ class Cutter {
   std::vector<Eigen::AlignedBox3f> strand_boxes_;
   std::size_t size_in_memory_ = 0;
   UltrasoundPatches result_;
+  std::vector<LargeVector<float>*> arrays_;  // those of the result, positions first
 };
 
 }  // namespace

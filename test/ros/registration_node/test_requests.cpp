@@ -190,8 +190,8 @@ TEST(Registration, ACallerOfRegisterIsCancelledByTheService) {
   client.send(agar_ultrasound(::ros::Time::now()));
   client.call_until([](const Result& result) { return result.initial_alignment == "global"; });
   // A registration may end before the cancel arrives; the caller then asks again.
-  std::future<Result> answer = std::async(
-      std::launch::async, [&] { return client.call_until_code(Status::CANCELLED); });
+  std::future<Result> answer =
+      std::async(std::launch::async, [&] { return client.call_until_code(Status::CANCELLED); });
   msg::Cancel::Response cancelled;
   EXPECT_TRUE(eventually([&] {
     msg::Cancel call;
