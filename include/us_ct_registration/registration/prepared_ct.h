@@ -33,9 +33,10 @@ class PreparedCt {
 
   /// A CT without averages. It must outlive this object.
   PreparedCt(const CtVolume& ct) : ct_(ct) {}  // NOLINT(google-explicit-constructor): as it is
-  /// Prepares the averages of the search's levels and of the refinement. `check` may throw to
-  /// cancel; while this runs, the finest level of the search takes four bytes per voxel more.
-  /// Throws InputError if the CT or the options are invalid.
+  /// Prepares the averages of the search's levels and of the refinement, and those of the preset
+  /// `patient` where the options leave doubts to it. `check` may throw to cancel; while this runs,
+  /// the finest level of the search takes four bytes per voxel more. Throws InputError if the CT or
+  /// the options are invalid.
   PreparedCt(const CtVolume& ct, const RegistrationOptions& options, const Check& check = {});
   PreparedCt(const PreparedCt&) = delete;
   PreparedCt& operator=(const PreparedCt&) = delete;

@@ -83,10 +83,12 @@ struct RefinementOptions : ClimbOptions {
   void validate(const std::string& source) const;
 };
 
-/// The images and the search that the evidence is gathered with.
+/// The images and the search that the evidence is gathered with. Evidence on coarse images leaves
+/// more right poses in doubt, and a search on them misses more.
 enum class EvidenceSource {
   kOwn,       // those of the registration: its similarities must be 0 by chance, and not negative
-  kOwnFirst,  // the same, and those of the preset `patient` where they leave doubt
+  kOwnFirst,  // the same for a pose of the first round that they leave beyond doubt; for all others
+              // the registration goes on as the preset `patient`, whose result it then has
   kPatient,   // those of the preset `patient`, whatever found the pose
 };
 

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "registration/as_patient.h"
+
 namespace usct::registration {
 
 struct Assessor::AsPatient {
@@ -22,17 +24,14 @@ struct Assessor::AsPatient {
 
 namespace {
 
-/// The images and the search of the preset `patient`, and the evidence that `of` asks for. Its
-/// similarities belong to its own images, if it has any.
-RegistrationOptions as_patient(const RegistrationOptions& of) {
-  RegistrationOptions options;
-  ConfidenceOptions confidence = of.confidence;
-  if (confidence.evidence != EvidenceSource::kPatient) {
-    confidence.similarity = options.confidence.similarity;
-    confidence.ridge_similarity = options.confidence.ridge_similarity;
-  }
-  options.confidence = confidence;
-  return options;
+/// What was compared, as if all parts of the field agreed about the pose.
+Assessment with_best_parts(Assessment compared) {
+  Measures& measures = compared.measures;
+  measures.parts_mm = measures.tissue_motion_mm = 0.0;
+  measures.local_agreement = 1.0;
+  if (const std::optional<RightProbability> right = right_probability(measures))
+    measures.wrong_probability = 1.0 - right->all();
+  return compared;
 }
 
 /// Optima of the search of the evidence, where that differs from the search that found `refined`.
@@ -90,11 +89,10 @@ void Assessor::search_decoys_further(int rounds) {
 
 bool Assessor::parts_could_save(const Assessment& compared) const {
   const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
-  Assessment best = compared;
-  best.measures.parts_mm = best.measures.tissue_motion_mm = 0.0;
-  best.measures.local_agreement = 1.0;
-  const std::optional<RightProbability> right = right_probability(best.measures);
-  return !limit || !right || 1.0 - right->all() <= *limit || !may_be_missed(best);
+  const Assessment best = with_best_parts(compared);
+  if (!limit || !best.measures.wrong_probability) return true;
+  if (may_go_on_as_patient(options_)) return is_beyond_doubt(best.measures, *limit);
+  return *best.measures.wrong_probability <= *limit || !may_be_missed(best);
 }
 
 bool Assessor::gathers_own() const {
@@ -125,17 +123,14 @@ Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Cand
                                      const Candidate& refined, Run& run) {
   measure_pose(optima.front(), refined, compared.measures);
   if (!gathers()) return compared;
-  const EvidenceSource source = options_.confidence.evidence;
   if (gathers_own()) {
     own_.check(refined, compared, run);
-    if (source == EvidenceSource::kOwn) own_.settle(optima.front(), compared, run);
-    if (source == EvidenceSource::kOwn || !own_.leaves_doubt(compared)) return compared;
+    // What takes long is not worth it for a pose in doubt if the registration goes on from here.
+    if (!may_go_on_as_patient(options_)) own_.settle(optima.front(), compared, run);
+    return compared;
   }
-  Assessment anew;
-  measure_pose(optima.front(), refined, anew.measures);
-  const std::optional<Refusal> refusal = assess_as_patient(refined, anew, run);
-  if (!refusal) return anew;
-  if (source == EvidenceSource::kPatient) return *refusal;
+  const std::optional<Refusal> refusal = assess_as_patient(refined, compared, run);
+  if (refusal) return *refusal;
   return compared;
 }
 

@@ -23,7 +23,7 @@ class Assessor {
            const SearchProblem& problem, const RegistrationOptions& options);
   ~Assessor();
 
-  /// Whether a gate asks for evidence, and it comes from these images, at first at least.
+  /// Whether a gate asks for evidence, and it comes from these images.
   bool gathers_own() const;
   /// As Evidence.
   const std::optional<std::vector<Decoy>>& decoys() const { return own_.decoys(); }
@@ -35,7 +35,8 @@ class Assessor {
   /// `assess`.
   Assessment compare(const std::vector<Candidate>& optima, Run& run);
   /// Whether a pose that was compared is worth its refinement. It is not if it would be refused
-  /// even if all parts of the field agreed about it, and another round could find a better one.
+  /// even if all parts of the field agreed about it, and another round could find a better one; or
+  /// would even then be in doubt, and the registration would go on as `patient`.
   bool parts_could_save(const Assessment& compared) const;
   /// Completes what `compare` made of these optima; `refined` is the first one after its
   /// refinement. Refuses if the images of the evidence cannot be made.

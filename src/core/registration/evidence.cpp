@@ -123,12 +123,6 @@ bool Evidence::is_beyond_doubt(const Assessment& assessment) const {
                                        *in_.options.gates.max_wrong_probability);
 }
 
-bool Evidence::leaves_doubt(const Assessment& assessment) const {
-  constexpr double kSurelyWrong = 0.99;
-  const std::optional<double>& wrong = assessment.measures.wrong_probability;
-  return !wrong || (*wrong < kSurelyWrong && !is_beyond_doubt(assessment));
-}
-
 void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
   if (!decoys_ || is_beyond_doubt(assessment)) return;
   Measures& measures = assessment.measures;

@@ -61,8 +61,6 @@ class Evidence {
   /// Completes what `compare` made of the optima by measures from the field of view alone at the
   /// pose after its refinement, and takes the probability that the pose is wrong.
   void check(const Candidate& refined, Assessment& assessment, Run& run) const;
-  /// Whether it is neither beyond doubt nor surely wrong.
-  bool leaves_doubt(const Assessment& assessment) const;
   /// Gathers the evidence that takes long, where it could decide about a checked pose: the
   /// agreement of mirror images, and mirrored CTs.
   void settle(const Candidate& best, Assessment& assessment, Run& run);

@@ -1,5 +1,6 @@
 #include "registration/pipeline.h"
 
+#include "registration/as_patient.h"
 #include "registration/assessment.h"
 #include "registration/image_pyramid.h"
 #include "registration/multi_start.h"
@@ -32,7 +33,9 @@ class Pipeline {
   /// Each round searches, refines, assesses and judges, until the pose passes the gates, or the
   /// evidence says that another round would not help.
   Outcome<PipelineResult> search();
-  /// The pose that the trail leads to, if it passes the gates.
+  /// What the first round finds, if that is to be believed without further search.
+  std::optional<PipelineResult> at_once();
+  /// The pose that the trail leads to, if it is to be believed without a search.
   std::optional<PipelineResult> tracked(const Trail& trail, double reach_mm);
 
  private:
@@ -46,6 +49,10 @@ class Pipeline {
   /// The same pose, judged beside decoys of so many rounds at least, which climb from it too.
   Outcome<Judged> judged_again(Assessor& assessor, const std::vector<Candidate>& optima,
                                const Candidate& refined, int rounds);
+  /// Whether it passes the gates; beyond doubt, where doubts would be settled as `patient` does.
+  bool is_believed(const Judged& judged) const;
+  PipelineResult ended(const Assessor& assessor, const std::vector<Candidate>& optima,
+                       const Judged& judged) const;
   std::optional<Trail> trail(const Assessor& assessor, const std::vector<Candidate>& optima,
                              const Judged& accepted) const;
 
@@ -103,6 +110,34 @@ std::optional<Trail> Pipeline::trail(const Assessor& assessor, const std::vector
                   problem_.field);
 }
 
+bool Pipeline::is_believed(const Judged& judged) const {
+  if (judged.failure) return false;
+  return !may_go_on_as_patient(options_) ||
+         is_beyond_doubt(judged.assessment.measures,
+                         *options_.confidence.gates.max_wrong_probability);
+}
+
+PipelineResult Pipeline::ended(const Assessor& assessor, const std::vector<Candidate>& optima,
+                               const Judged& judged) const {
+  PipelineResult found{result_of(optima, judged.refined, judged.assessment, judged.failure), {}};
+  if (!judged.failure) found.trail = trail(assessor, optima, judged);
+  return found;
+}
+
+std::optional<PipelineResult> Pipeline::at_once() {
+  Assessor assessor(us_, ct_, images_, problem_, options_);
+  std::vector<Candidate> optima =
+      run_.timed("search", [&] { return multi_start(problem_, 0, {}, run_); });
+  if (optima.empty()) return std::nullopt;
+  const Assessment compared =
+      run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
+  run_.report(0.6);
+  if (!assessor.parts_could_save(compared)) return std::nullopt;
+  const Outcome<Judged> best = judged(assessor, optima, compared, 1);
+  if (!best || !is_believed(*best)) return std::nullopt;
+  return ended(assessor, optima, *best);
+}
+
 Outcome<PipelineResult> Pipeline::search() {
   Assessor assessor(us_, ct_, images_, problem_, options_);
   std::vector<Candidate> optima;
@@ -121,9 +156,7 @@ Outcome<PipelineResult> Pipeline::search() {
     if (!best) return best.refusal();
     run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds);
     if (best->failure && !is_last && may_be_missed(best->assessment)) continue;
-    PipelineResult found{result_of(optima, best->refined, best->assessment, best->failure), {}};
-    if (!best->failure) found.trail = trail(assessor, optima, *best);
-    return found;
+    return ended(assessor, optima, *best);
   }
 }
 
@@ -141,23 +174,46 @@ std::optional<PipelineResult> Pipeline::tracked(const Trail& trail, double reach
   const Outcome<Candidate> refined = refine(images_, ct_, followed->optima.front(), options_, run_);
   if (!refined || has_left(followed->optima.front(), *refined)) return std::nullopt;
   const Outcome<Judged> best = judged(assessor, followed->optima, compared, *refined);
-  if (!best || best->failure) return std::nullopt;
+  if (!best || !is_believed(*best)) return std::nullopt;
   return PipelineResult{result_of(followed->optima, best->refined, best->assessment, best->failure),
                         {}};
 }
 
-Outcome<PipelineResult> prepared_and_run(const BeamUltrasound& us, const PreparedCt& ct,
-                                         const Eigen::Isometry3d& T_us_ct_initial,
-                                         const RegistrationOptions& options, const Trail* trail,
-                                         double reach_mm, Run& run) {
+/// The registration by the images of these options, or nothing where they leave it to those of the
+/// preset `patient`.
+Outcome<std::optional<PipelineResult>> by_own_images(const BeamUltrasound& us, const PreparedCt& ct,
+                                                     const Eigen::Isometry3d& T_us_ct_initial,
+                                                     const RegistrationOptions& options,
+                                                     const Trail* trail, double reach_mm,
+                                                     Run& run) {
   run.report(0.0);
   const Outcome<ImagePyramid> images = prepare(us, ct, T_us_ct_initial, options, run);
   if (!images) return images.refusal();
   run.report(0.2);
   Pipeline pipeline(us, ct, *images, T_us_ct_initial, options, run);
   if (trail != nullptr)
-    if (std::optional<PipelineResult> tracked = pipeline.tracked(*trail, reach_mm)) return *tracked;
-  return pipeline.search();
+    if (std::optional<PipelineResult> tracked = pipeline.tracked(*trail, reach_mm)) return tracked;
+  if (may_go_on_as_patient(options)) return pipeline.at_once();
+  const Outcome<PipelineResult> found = pipeline.search();
+  if (!found) return found.refusal();
+  return std::optional(*found);
+}
+
+Outcome<PipelineResult> registered(const BeamUltrasound& us, const PreparedCt& ct,
+                                   const Eigen::Isometry3d& T_us_ct_initial,
+                                   const RegistrationOptions& options, const Trail* trail,
+                                   double reach_mm, Run& run) {
+  constexpr double kShareOfOwn = 0.3;
+  run.begin_part(0.0, may_go_on_as_patient(options) ? kShareOfOwn : 1.0);
+  Outcome<std::optional<PipelineResult>> found =
+      by_own_images(us, ct, T_us_ct_initial, options, trail, reach_mm, run);
+  if (!found) return found.refusal();
+  if (*found) return **found;
+  run.begin_part(kShareOfOwn, 1.0);
+  found = by_own_images(us, ct, T_us_ct_initial, as_patient(options), nullptr, 0.0, run);
+  if (!found) return found.refusal();
+  (*found)->by_patient = true;
+  return **found;
 }
 
 }  // namespace
@@ -170,7 +226,8 @@ PipelineResult run_pipeline(const BeamUltrasound& ultrasound, const PreparedCt& 
   PipelineResult ended;
   try {
     Outcome<PipelineResult> outcome =
-        prepared_and_run(ultrasound, ct, T_us_ct_initial, options, trail, reach_mm, run);
+        registered(ultrasound, ct, T_us_ct_initial, options, trail, reach_mm, run);
+    run.begin_part(0.0, 1.0);
     if (outcome) run.report(1.0);
     ended = outcome ? std::move(*outcome) : PipelineResult{result_of(outcome.refusal()), {}};
   } catch (const Cancelled&) {

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "parallel.h"
+#include "registration/as_patient.h"
 #include "registration/ct_averages.h"
 
 namespace usct {
@@ -42,10 +43,25 @@ bool is_same(const HuWindow& a, const HuWindow& b) {
   return a.low_hu == b.low_hu && a.high_hu == b.high_hu;
 }
 
+using Averages = std::vector<PreparedCt::Average>;
+
+const PreparedCt::Average* found_in(const Averages& averages, const HuWindow& window,
+                                    const AveragingSteps& steps) {
+  const auto found =
+      std::find_if(averages.begin(), averages.end(), [&](const PreparedCt::Average& average) {
+        return is_same(average.window, window) && average.steps == steps;
+      });
+  return found == averages.end() ? nullptr : &*found;
+}
+
 /// The averages of the search's levels, coarse ones from fine ones.
 void prepare_levels(const CtVolume& ct, const RegistrationOptions& options, const Check& check,
-                    std::vector<PreparedCt::Average>& averages) {
+                    Averages& averages) {
   const std::vector<AveragingSteps> steps = steps_of(options.search.levels, ct.grid);
+  if (std::all_of(steps.begin(), steps.end(), [&](const AveragingSteps& level) {
+        return level.empty() || found_in(averages, options.window, level) != nullptr;
+      }))
+    return;
   Volume<float> finer;
   for (std::size_t i = steps.size(); i-- > 0;) {
     if (steps[i].empty()) continue;
@@ -77,6 +93,17 @@ PreparedCt::Average refinement_average(const CtVolume& ct, const AveragingSteps&
   return average;
 }
 
+/// The averages that a registration by these options looks at, as far as they are not there.
+void prepare(const CtVolume& ct, const RegistrationOptions& options, const Check& check,
+             Averages& averages) {
+  prepare_levels(ct, options, check, averages);
+  const std::optional<RefinementOptions>& refinement = options.refinement;
+  if (!refinement || needs_of(refinement->similarity).recorded_ct) return;
+  const AveragingSteps steps = steps_to(refinement->spacing_mm, ct.grid);
+  if (found_in(averages, options.window, steps) == nullptr)
+    averages.push_back(refinement_average(ct, steps, options.window, check));
+}
+
 }  // namespace
 
 std::uint64_t PreparedCt::next_number() {
@@ -88,20 +115,15 @@ PreparedCt::PreparedCt(const CtVolume& ct, const RegistrationOptions& options, c
     : ct_(ct) {
   ct.validate("CT");
   options.validate();
-  prepare_levels(ct, options, check, averages_);
-  const std::optional<RefinementOptions>& refinement = options.refinement;
-  if (!refinement || needs_of(refinement->similarity).recorded_ct) return;
-  const AveragingSteps steps = steps_to(refinement->spacing_mm, ct.grid);
-  if (find(options.window, steps) == nullptr)
-    averages_.push_back(refinement_average(ct, steps, options.window, check));
+  prepare(ct, options, check, averages_);
+  if (options.confidence.evidence != EvidenceSource::kOwn)
+    prepare(ct, as_patient(options), check, averages_);
 }
 
 const Volume<std::uint8_t>* PreparedCt::find(const HuWindow& window,
                                              const std::vector<Eigen::Vector3i>& steps) const {
-  const auto found = std::find_if(averages_.begin(), averages_.end(), [&](const Average& average) {
-    return is_same(average.window, window) && average.steps == steps;
-  });
-  return found == averages_.end() ? nullptr : &found->bytes;
+  const Average* found = found_in(averages_, window, steps);
+  return found == nullptr ? nullptr : &found->bytes;
 }
 
 std::size_t PreparedCt::bytes() const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <map>
@@ -31,8 +32,16 @@ class Run {
     return [this] { check_cancelled(); };
   }
 
-  void report(double fraction) const {
-    if (hooks_.progress) hooks_.progress(fraction);
+  /// Work that follows takes the progress from one fraction of the registration to another.
+  void begin_part(double first, double last) {
+    first_ = first;
+    last_ = last;
+  }
+  /// Reports the fraction of the present part, unless the progress is further already.
+  void report(double fraction) {
+    const double now = first_ + fraction * (last_ - first_);
+    if (hooks_.progress && now > reported_) hooks_.progress(now);
+    reported_ = std::max(reported_, now);
     check_cancelled();
   }
 
@@ -74,6 +83,9 @@ class Run {
   };
 
   const RegistrationHooks& hooks_;
+  double first_ = 0.0;
+  double last_ = 1.0;
+  double reported_ = -1.0;
   mutable std::mutex asking_;
   std::atomic<int> evaluations_{0};
   std::map<std::string, double> seconds_;

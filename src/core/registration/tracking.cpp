@@ -1,5 +1,6 @@
 #include "us_ct_registration/registration/tracking.h"
 
+#include "registration/as_patient.h"
 #include "registration/pipeline.h"
 #include "require.h"
 
@@ -8,6 +9,8 @@ namespace usct {
 /// The last full registration that was accepted.
 struct RegistrationTracker::Known {
   registration::Trail trail;
+  /// Whether it went on as the preset `patient`, which those that follow it then do at once.
+  bool by_patient = false;
   std::uint64_t ct = 0;
   AxialSampling axial;
   int lines = 0;
@@ -44,13 +47,15 @@ RegistrationResult RegistrationTracker::next(const BeamUltrasound& ultrasound, c
                                              const Eigen::Isometry3d& T_us_ct_initial,
                                              const RegistrationHooks& hooks) {
   if (!is_known(ultrasound, ct) || ++known_->followed >= tracking_.full_every) known_.reset();
-  const registration::PipelineResult ended =
-      registration::run_pipeline(ultrasound, ct, T_us_ct_initial, options_, hooks,
-                                 known_ ? &known_->trail : nullptr, tracking_.reach_mm);
+  const bool by_patient = known_ && known_->by_patient;
+  const registration::PipelineResult ended = registration::run_pipeline(
+      ultrasound, ct, T_us_ct_initial, by_patient ? registration::as_patient(options_) : options_,
+      hooks, known_ ? &known_->trail : nullptr, tracking_.reach_mm);
   const bool was_full = ended.result.seconds.count("search") != 0;
   if (was_full) known_.reset();
   if (ended.trail)
-    known_ = std::make_unique<Known>(Known{*ended.trail, ct.number(), ultrasound.beams.axial,
+    known_ = std::make_unique<Known>(Known{*ended.trail, by_patient || ended.by_patient,
+                                           ct.number(), ultrasound.beams.axial,
                                            ultrasound.beams.lines, ultrasound.beams.frames, 0});
   return ended.result;
 }

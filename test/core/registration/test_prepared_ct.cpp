@@ -159,6 +159,16 @@ TEST(PreparedCt, TakesAByteForEachVoxelOfEachSpacing) {
   EXPECT_EQ(PreparedCt(ct, RegistrationOptions()).bytes(), 64000U + 8000U + 1000U);
 }
 
+TEST(PreparedCt, HoldsWhatThePresetPatientLooksAtWhereDoubtsAreLeftToIt) {
+  CtVolume ct;
+  ct.grid.size = {40, 40, 40};
+  ct.voxels.resize(ct.grid.voxel_count());
+  RegistrationOptions fast = preset("fast");  // refines on 2 mm, and `patient` on 1 mm
+  EXPECT_EQ(PreparedCt(ct, fast).bytes(), 64000U + 8000U + 1000U);
+  fast.confidence.evidence = EvidenceSource::kOwn;
+  EXPECT_EQ(PreparedCt(ct, fast).bytes(), 8000U + 1000U);
+}
+
 TEST(PreparedCt, PreparationIsCancelledBetweenParts) {
   struct Cancelled {};
   int calls = 0;

@@ -96,6 +96,26 @@ TEST_F(Tracking, AnotherCtOrProbeOrARequestToForgetMakesItFull) {
   EXPECT_TRUE(was_full(tracker_.next(fewer, again, *first.T_us_ct)));
 }
 
+/// With a limit as low as this, the evidence of `phantom` leaves doubt.
+TEST_F(Tracking, WhatThePresetPatientFoundIsTrackedAsPatientTracks) {
+  const char* const in_doubt = "confidence: {gates: {max_wrong_probability: 0.1}}\n";
+  RegistrationTracker tracker(quick_options(in_doubt), {3});
+  RegistrationTracker by_patient(
+      parse_registration_options(std::string("preset: patient\nsearch: {rounds: 1}\n") + in_doubt,
+                                 "test"),
+      {3});
+  Isometry3d T_us_ct = nearby(images_);
+  for (int i = 0; i < 4; ++i) {
+    const RegistrationResult result = tracker.next(images_.us, ct_, T_us_ct);
+    const RegistrationResult expected = by_patient.next(images_.us, ct_, T_us_ct);
+    EXPECT_EQ(was_full(result), i % 3 == 0) << i;
+    expect_right(result, images_.T_us_ct_true);
+    EXPECT_EQ(result.T_us_ct->matrix(), expected.T_us_ct.value().matrix()) << i;
+    EXPECT_EQ(result.measures.mirror_ratio, expected.measures.mirror_ratio) << i;
+    T_us_ct = *result.T_us_ct;
+  }
+}
+
 TEST_F(Tracking, WithoutEvidenceEveryRegistrationIsFull) {
   RegistrationTracker blind(quick_options("confidence: {gates: {max_wrong_probability: none}}\n"));
   for (int i = 0; i < 2; ++i)

@@ -1,0 +1,41 @@
+#include "registration/as_patient.h"
+
+#include <algorithm>
+
+namespace usct::registration {
+namespace {
+
+/// The starts of `patient`, or those of the options if they reach farther.
+StartOptions farther(const StartOptions& of_patient, const std::optional<StartOptions>& own) {
+  if (!own || (own->rotation_rad <= of_patient.rotation_rad &&
+               own->translation_mm <= of_patient.translation_mm))
+    return of_patient;
+  StartOptions starts = *own;
+  starts.count = std::max(starts.count, of_patient.count);
+  return starts;
+}
+
+}  // namespace
+
+RegistrationOptions as_patient(const RegistrationOptions& of) {
+  RegistrationOptions options;
+  ConfidenceOptions confidence = of.confidence;
+  // Similarities of evidence on other images belong to those.
+  if (confidence.evidence != EvidenceSource::kPatient) {
+    confidence.similarity = options.confidence.similarity;
+    confidence.ridge_similarity = options.confidence.ridge_similarity;
+  }
+  confidence.evidence = EvidenceSource::kOwn;
+  options.confidence = confidence;
+  options.search.starts = farther(*options.search.starts, of.search.starts);
+  options.search.rounds = of.search.rounds;
+  options.seed = of.seed;
+  return options;
+}
+
+bool may_go_on_as_patient(const RegistrationOptions& options) {
+  return options.confidence.evidence == EvidenceSource::kOwnFirst &&
+         options.confidence.gates.max_wrong_probability.has_value();
+}
+
+}  // namespace usct::registration
