@@ -218,12 +218,14 @@ std::vector<HalfPoses> Evidence::compare_parts(const Candidate& refined, Measure
 void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
                             Assessment& result) const {
   Measures& measures = result.measures;
-  ErrorOptions error = in_.options.error;
-  // An error of the depths that the images show is there, and moves the kidney along the beams.
-  if (!is_stretched && measures.depth_error && shows_errors(measures))
-    error.sound_speed_share = std::max(error.sound_speed_share, std::abs(*measures.depth_error));
-  result.covariance = pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error) +
-                      shift_covariance(measures.deformation_mm.value_or(0.0));
+  const ErrorOptions& error = in_.options.error;
+  AcquisitionErrors shown;
+  // The estimate of the depths is biased, so that it must show clearly; that of the sweep is not.
+  if (!is_stretched && shows_errors(measures)) shown.depth = measures.depth_error.value_or(0.0);
+  shown.sweep = measures.sweep_error.value_or(0.0);
+  result.covariance =
+      pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error, shown) +
+      shift_covariance(measures.deformation_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
   measures.expected_error_mm = expected_mm;

@@ -1,5 +1,6 @@
 #include "registration/expected_error.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace usct::registration {
@@ -39,7 +40,8 @@ double depth_of(const Vector3d& point_us_mm, const BeamGrid& beams, const Vector
 
 Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves,
                                             const BeamGrid& recorded, const Vector3d& centre_us_mm,
-                                            const ErrorOptions& options) {
+                                            const ErrorOptions& options,
+                                            const AcquisitionErrors& shown) {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   const auto add = [&](const Motion& deviation) {
     covariance += deviation * deviation.transpose();
@@ -51,12 +53,13 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
     add(share * motion_between(half.first, half.last));
   }
   const Vector3d axial = field_axes(recorded).axial;
-  add(shift(options.sound_speed_share * depth_of(centre_us_mm, recorded, axial) * axial));
-  if (recorded.tracked && recorded.frames > 1) {
-    const Vector3d path =
-        middle_of_frame(recorded, recorded.frames - 1) - middle_of_frame(recorded, 0);
+  const double depth_share = std::max(options.sound_speed_share, std::abs(shown.depth));
+  add(shift(depth_share * depth_of(centre_us_mm, recorded, axial) * axial));
+  const Vector3d path =
+      middle_of_frame(recorded, recorded.frames - 1) - middle_of_frame(recorded, 0);
+  add(shift(0.25 * shown.sweep * path));
+  if (recorded.tracked && recorded.frames > 1)
     add(shift(options.lag_frames / (recorded.frames - 1) * path));
-  }
   return covariance + shift_covariance(options.other_mm);
 }
 

@@ -90,6 +90,35 @@ TEST(ExpectedError, OfALagIsAlongATrackedSweepAlone) {
   EXPECT_EQ(expected_mm({same}, options, straight_tracked(40, 9, 1, 2.0)), 0.0);
 }
 
+/// Of 7 frames, 2 mm apart, the three on one side of the middle lie too far away by 16 %. The shift
+/// that brings all of them closest to their places is the mean of 0.96, 0.64, 0.32 and four zeros;
+/// half of a side times 8 % is its limit for many frames.
+TEST(ExpectedError, OfASweepThatIsWrongOnOneSideIsAcrossTheFrames) {
+  const HalfPoses same{kHere, kHere, kHere, kHere};
+  AcquisitionErrors shown;
+  shown.sweep = -0.08;
+  const Matrix6d covariance =
+      pose_covariance({same}, straight_tracked(40, 9, 7, 2.0), kCentre, halves_alone(), shown);
+  Matrix6d expected = Matrix6d::Zero();
+  expected(5, 5) = std::pow(0.08 * 6.0 / 2.0, 2);  // a side is 6 mm long
+  EXPECT_TRUE(covariance.isApprox(expected, 1e-9)) << covariance;
+  EXPECT_NEAR(std::sqrt(covariance(5, 5)), (0.96 + 0.64 + 0.32) / 7.0, 0.05);
+}
+
+TEST(ExpectedError, OfDepthsThatShowsCountsWhereItIsMoreThanWhatNoImageShows) {
+  const HalfPoses same{kHere, kHere, kHere, kHere};
+  const BeamGrid beams = straight_tracked(40, 9, 7, 1.0);
+  ErrorOptions options = halves_alone();
+  options.sound_speed_share = 0.02;
+  for (const double depth : {-0.05, -0.01, 0.01, 0.05}) {
+    AcquisitionErrors shown;
+    shown.depth = depth;
+    const double expected = 60.0 * std::max(0.02, std::abs(depth));
+    EXPECT_NEAR(std::sqrt(pose_covariance({same}, beams, kCentre, options, shown)(4, 4)), expected,
+                1e-9);
+  }
+}
+
 TEST(ExpectedError, OfAllElseIsTheSameInEveryDirection) {
   ErrorOptions options = halves_alone();
   options.other_mm = 0.6;
