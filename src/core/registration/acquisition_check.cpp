@@ -60,26 +60,36 @@ class ErrorClimbs {
 
 }  // namespace
 
+AcquisitionErrors most_errors(const SimilarityOptions& similarity) {
+  constexpr double kMostError = 0.15;
+  const SimilarityNeeds needs = needs_of(similarity);
+  return {needs.follows_depth_error ? kMostError : 0.0,
+          needs.follows_sweep_error ? kMostError : 0.0};
+}
+
+SimilarityImages with_beams(const SimilarityImages& images) {
+  return {std::make_shared<const BeamUltrasound>(images.ultrasound()), images.packed_ct(), nullptr,
+          true, images.backend()};
+}
+
 std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_ct,
                                                   const SimilarityImages& images,
                                                   const SimilarityOptions& similarity,
                                                   const ConfidenceOptions& options,
                                                   const FieldPoints& field, Run& run) {
-  constexpr double kMostError = 0.15;
-  const SimilarityNeeds needs = needs_of(similarity);
-  if (!needs.patches) return std::nullopt;
-  SimilarityImages with_beams(std::make_shared<const BeamUltrasound>(images.ultrasound()),
-                              images.packed_ct(), nullptr, true, images.backend());
+  if (!needs_of(similarity).patches) return std::nullopt;
+  SimilarityImages along_beams = with_beams(images);
   const std::shared_ptr<const Similarity> stretched =
-      make_similarity(with_beams, on_samples(similarity, SampleSubset::kHalf));
+      make_similarity(along_beams, on_samples(similarity, SampleSubset::kHalf));
   if (!stretched) return std::nullopt;
   std::vector<Candidate> start{{T_us_ct, {}}};
   evaluate(*stretched, start, run);
   const ErrorClimbs climbs(*stretched, start.front(), options, field, run);
-  const AcquisitionErrors depth{needs.follows_depth_error ? kMostError : 0.0, 0.0};
-  const AcquisitionErrors sweep{0.0, needs.follows_sweep_error ? kMostError : 0.0};
+  const AcquisitionErrors most = most_errors(similarity);
+  const AcquisitionErrors depth{most.depth, 0.0};
+  const AcquisitionErrors sweep{0.0, most.sweep};
   const Candidate recorded = climbs.best({});
-  const Candidate both = climbs.best({depth.depth, sweep.sweep});
+  const Candidate both = climbs.best(most);
   const Comparison gain = climbs.compare(both, recorded);
   // An error may take up what the other one leaves over. It does not count where the ultrasound
   // fits about as well without it.
@@ -90,7 +100,8 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
       if (is_clear(climbs.compare(both, alone))) continue;
       if (!simpler || alone.value > simpler->value) simpler = alone;
     }
-  return AcquisitionCheck{simpler.value_or(both).errors, gain.ratio, gain.advantage};
+  const Candidate best = simpler.value_or(both);
+  return AcquisitionCheck{best.errors, best.T_us_ct, gain.ratio, gain.advantage};
 }
 
 bool shows_errors(const Measures& measures) {

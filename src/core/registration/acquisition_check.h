@@ -16,11 +16,19 @@ struct AcquisitionCheck {
   /// An error that the similarity cannot follow is 0, and so is one without which the ultrasound
   /// fits about as well as with both.
   AcquisitionErrors errors;
+  /// The pose that goes with these errors.
+  Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   /// Similarity with both errors over the most that a pose near by reaches without any.
   double ratio = 1.0;
   /// Student's t of the same comparison, patch by patch.
   double advantage = 0.0;
 };
+
+/// The greatest errors that are looked for: 15 %, or 0 if the similarity cannot follow an error.
+AcquisitionErrors most_errors(const SimilarityOptions& similarity);
+
+/// The same images, for similarities at poses with errors.
+SimilarityImages with_beams(const SimilarityImages& images);
 
 /// Looks for errors within 15 % by climbs over pose and errors, by half of the samples of
 /// `similarity`. Unset if the ultrasound has nothing that the similarity could explain.

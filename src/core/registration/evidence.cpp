@@ -104,10 +104,10 @@ void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessm
   compare_with_rivals(optima, patches, assessment.measures);
 }
 
-void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) const {
+void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) {
   const bool is_stretched = assessment.measures.depth_error.has_value();  // by the refinement
-  compare_clusters(refined, assessment.measures, run);
-  estimate_errors(refined, assessment.measures, run);
+  const Candidate stretched = estimate_errors(refined, assessment.measures, run);
+  compare_clusters(stretched, assessment.measures, run);
   const std::vector<HalfPoses> halves = compare_parts(refined, assessment.measures, run);
   if (!halves.empty()) expect_error(halves, is_stretched, assessment);
   set_wrong_probability(assessment.measures);
@@ -178,21 +178,28 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
   measures.rival_advantage = least;
 }
 
-void Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
+Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
   const std::optional<AcquisitionCheck> found = check_acquisition(
       refined.T_us_ct, deciding_images(), in_.options.ridge_similarity, in_.options, field(), run);
-  if (!found) return;
+  if (!found) return refined;
   if (!measures.depth_error) measures.depth_error = found->errors.depth;
   if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;
   measures.errors_ratio = found->ratio;
   measures.errors_advantage = found->advantage;
+  return shows_errors(measures) ? Candidate{found->T_us_ct, found->errors} : refined;
 }
 
-void Evidence::compare_clusters(const Candidate& refined, Measures& measures, Run& run) const {
-  const auto patches = make_similarity(deciding_images(), in_.options.similarity);
+SimilarityImages& Evidence::images_for(const Measures& measures) {
+  if (!shows_errors(measures)) return deciding_images();
+  if (!along_beams_) along_beams_.emplace(with_beams(deciding_images()));
+  return *along_beams_;
+}
+
+void Evidence::compare_clusters(const Candidate& pose, Measures& measures, Run& run) {
+  const auto patches = make_similarity(images_for(measures), in_.options.similarity);
   if (!patches) return;
   const std::optional<LocalAgreement> found =
-      local_agreement(*patches, refined.T_us_ct, agreement_options(in_, field()), run);
+      local_agreement(*patches, pose, agreement_options(in_, field()), run);
   if (!found) return;
   measures.local_agreement = found->share;
   measures.tissue_motion_mm = found->tissue_motion_mm;
@@ -232,13 +239,17 @@ void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretc
   measures.error_bound_mm = error.bound_factor * expected_mm;
 }
 
-void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& measures,
-                                 Run& run) const {
-  const auto fitted = make_similarity(deciding_images(), in_.options.ridge_similarity);
-  const auto asked = make_similarity(deciding_images(), in_.options.similarity);
+void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run) {
+  SimilarityImages& images = images_for(measures);
+  const auto fitted = make_similarity(images, in_.options.ridge_similarity);
+  const auto asked = make_similarity(images, in_.options.similarity);
   if (!fitted || !asked) return;
-  const std::optional<double> most = mirror_agreement(
-      decoys, *fitted, *asked, in_.options.parts, agreement_options(in_, field()), field(), run);
+  // Mirror images get the same freedom as the pose.
+  const AcquisitionErrors errors =
+      shows_errors(measures) ? most_errors(in_.options.ridge_similarity) : AcquisitionErrors{};
+  const std::optional<double> most =
+      mirror_agreement(decoys, *fitted, *asked, in_.options.parts, errors,
+                       agreement_options(in_, field()), field(), run);
   if (most) measures.mirror_agreement = std::max(measures.mirror_agreement.value_or(*most), *most);
 }
 

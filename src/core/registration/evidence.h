@@ -60,7 +60,7 @@ class Evidence {
   void compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run);
   /// Completes what `compare` made of the optima by measures from the field of view alone at the
   /// pose after its refinement, and takes the probability that the pose is wrong.
-  void check(const Candidate& refined, Assessment& assessment, Run& run) const;
+  void check(const Candidate& refined, Assessment& assessment, Run& run);
   /// Gathers the evidence that takes long, where it could decide about a checked pose: the
   /// agreement of mirror images, and mirrored CTs.
   void settle(const Candidate& best, Assessment& assessment, Run& run);
@@ -75,17 +75,20 @@ class Evidence {
                            Measures& measures) const;
   bool is_accepted(const Measures& measures) const;
   bool is_beyond_doubt(const Assessment& assessment) const;
-  void compare_clusters(const Candidate& refined, Measures& measures, Run& run) const;
+  void compare_clusters(const Candidate& pose, Measures& measures, Run& run);
   std::vector<HalfPoses> compare_parts(const Candidate& refined, Measures& measures,
                                        Run& run) const;
   /// The covariance of the pose and what follows from it. `is_stretched`: the refinement has made
   /// up for an error of the depths.
   void expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
                     Assessment& result) const;
-  /// Errors of the acquisition, unless the refinement estimated them.
-  void estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
+  /// Estimates errors of the acquisition, unless the refinement did. Returns the pose with the
+  /// errors that the images show, or `refined` if they show none.
+  Candidate estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
+  /// The deciding images; with beams if they are looked at with errors that they show.
+  SimilarityImages& images_for(const Measures& measures);
   /// The local agreement of decoys, if it is more than that of others so far.
-  void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run) const;
+  void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run);
   /// A mirrored CT that fits better, as a whole and patch by patch, is the best mirror.
   void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run);
 
@@ -93,6 +96,7 @@ class Evidence {
   /// They are kept from round to round: what is no better than decoys of fewer starts is refused.
   std::optional<std::vector<Decoy>> decoys_;
   std::optional<std::vector<Decoy>> mirrored_ct_;
+  std::optional<SimilarityImages> along_beams_;
   bool must_go_on_ = false;
   int decoy_rounds_ = 1;
   bool ct_is_known_ = false;

@@ -96,8 +96,7 @@ std::vector<Wish> wishes_of(const Rows& together, const Clusters& clusters,
 
 }  // namespace
 
-std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
-                                              const Eigen::Isometry3d& T_us_ct,
+std::optional<LocalAgreement> local_agreement(const Similarity& similarity, const Candidate& pose,
                                               const LocalAgreementOptions& options, Run& run) {
   const Clusters clusters(similarity.part_centres_us_mm(), options.cluster_mm);
   if (clusters.count() == 0) return std::nullopt;
@@ -107,7 +106,7 @@ std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
   parallel_for(static_cast<int>(moves_mm.size()), [&](int i) {
     run.check_cancelled();
     const auto at = static_cast<std::size_t>(i);
-    const Candidate moved{Eigen::Translation3d(moves_mm[at]) * T_us_ct, {}};
+    const Candidate moved{Eigen::Translation3d(moves_mm[at]) * pose.T_us_ct, pose.errors};
     own[at] = clusters.sums(similarity.parts(moved.pose()));
     of_neighbours[at] = clusters.sums_of_neighbours(own[at]);
   });

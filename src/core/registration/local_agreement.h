@@ -44,8 +44,7 @@ struct LocalAgreement {
 };
 
 /// Unset for a similarity without parts, and where no translation makes a difference.
-std::optional<LocalAgreement> local_agreement(const Similarity& similarity,
-                                              const Eigen::Isometry3d& T_us_ct,
+std::optional<LocalAgreement> local_agreement(const Similarity& similarity, const Candidate& pose,
                                               const LocalAgreementOptions& options, Run& run);
 
 }  // namespace usct::registration

@@ -15,6 +15,7 @@ namespace usct::registration {
 /// similarity of the clusters. Unset if no decoy has a local agreement.
 std::optional<double> mirror_agreement(const std::vector<Decoy>& decoys, const Similarity& fitted,
                                        const Similarity& asked, const PartOptions& climb,
+                                       const AcquisitionErrors& errors,
                                        const LocalAgreementOptions& options,
                                        const FieldPoints& field, Run& run);
 

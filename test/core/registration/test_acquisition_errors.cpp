@@ -49,6 +49,19 @@ TEST(AcquisitionErrorsOfARegistration, AWrongMotorStepIsNamedWithoutBeingAskedFo
       << narrow.message;
 }
 
+/// A sweep that is recorded 20 % too wide stretches tissue by some millimetres at both ends. It is
+/// the same anatomy nevertheless: with the error that the images show, its blocks agree.
+TEST(AcquisitionErrorsOfARegistration, EvidenceIsGatheredWithTheErrorsThatTheImagesShow) {
+  const Measures right = if_recorded(1.0, "").measures;
+  for (const double factor : {1.2, 1.0 / 1.2}) {
+    const RegistrationResult wrong = if_recorded(factor, "");
+    ASSERT_EQ(wrong.status, RegistrationStatus::kRegistered) << wrong.message;
+    EXPECT_GT(*wrong.measures.local_agreement, *right.local_agreement - 0.1) << factor;
+    EXPECT_LT(*wrong.measures.tissue_motion_mm, *right.tissue_motion_mm + 0.7) << factor;
+    EXPECT_GT(*wrong.measures.expected_error_mm, *right.expected_error_mm) << factor;
+  }
+}
+
 /// Wrong depths are made up for by the pose, so that the kidney fits and lies in the wrong place.
 TEST(AcquisitionErrorsOfARegistration, WrongDepthsAreNamedAndCountInTheExpectedError) {
   const auto named = [](double factor, const std::string& words) {

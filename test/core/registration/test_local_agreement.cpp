@@ -25,7 +25,7 @@ std::optional<LocalAgreement> agreement_of(const Similarity& similarity,
   const RegistrationHooks hooks;
   registration::Run run(hooks);
   return local_agreement(
-      similarity, T_us_ct,
+      similarity, {T_us_ct, {}},
       {kClusterMm, kStepMm, {Vector3d(5.0, 5.0, 5.0), radius_mm, Vector3d::UnitZ()}}, run);
 }
 

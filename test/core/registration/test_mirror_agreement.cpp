@@ -45,7 +45,7 @@ std::optional<double> agreement(const std::vector<Mirror>& mirrors, const Simila
   const RegistrationHooks hooks;
   registration::Run run(hooks);
   return registration::mirror_agreement(
-      decoys, PeaksSimilarity(cube_field(), peaks), asked, how,
+      decoys, PeaksSimilarity(cube_field(), peaks), asked, how, {},
       {kClusterMm, kStepMm, {Vector3d::Zero(), 1000.0, Vector3d::UnitZ()}}, cube_field(), run);
 }
 
