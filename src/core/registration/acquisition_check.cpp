@@ -1,5 +1,7 @@
 #include "registration/acquisition_check.h"
 
+#include <cmath>
+
 #include "registration/clusters.h"
 #include "registration/paired_advantage.h"
 #include "us_ct_registration/similarity/catalogue.h"
@@ -106,6 +108,16 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
 
 bool shows_errors(const Measures& measures) {
   return is_clear({measures.errors_ratio.value_or(1.0), measures.errors_advantage.value_or(0.0)});
+}
+
+bool shows_wrong_depths(const Measures& measures) {
+  constexpr double kBias = 0.02;
+  return shows_errors(measures) && measures.depth_error && std::abs(*measures.depth_error) > kBias;
+}
+
+bool shows_wrong_sweep_alone(const Measures& measures) {
+  return shows_errors(measures) && measures.sweep_error.value_or(0.0) != 0.0 &&
+         !shows_wrong_depths(measures);
 }
 
 }  // namespace usct::registration

@@ -40,5 +40,10 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
 
 /// Whether the images show the errors that were estimated, or noise may have.
 bool shows_errors(const Measures& measures);
+/// Whether they show depths that are wrong by more than the estimate's bias.
+bool shows_wrong_depths(const Measures& measures);
+/// Whether they show a wrong sweep and right depths. The kidney then lies where the pose puts it,
+/// but for the stretch of the sweep; with wrong depths it does not.
+bool shows_wrong_sweep_alone(const Measures& measures);
 
 }  // namespace usct::registration

@@ -186,11 +186,11 @@ Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures
   if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;
   measures.errors_ratio = found->ratio;
   measures.errors_advantage = found->advantage;
-  return shows_errors(measures) ? Candidate{found->T_us_ct, found->errors} : refined;
+  return shows_wrong_sweep_alone(measures) ? Candidate{found->T_us_ct, found->errors} : refined;
 }
 
 SimilarityImages& Evidence::images_for(const Measures& measures) {
-  if (!shows_errors(measures)) return deciding_images();
+  if (!shows_wrong_sweep_alone(measures)) return deciding_images();
   if (!along_beams_) along_beams_.emplace(with_beams(deciding_images()));
   return *along_beams_;
 }
@@ -245,8 +245,9 @@ void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& mea
   const auto asked = make_similarity(images, in_.options.similarity);
   if (!fitted || !asked) return;
   // Mirror images get the same freedom as the pose.
-  const AcquisitionErrors errors =
-      shows_errors(measures) ? most_errors(in_.options.ridge_similarity) : AcquisitionErrors{};
+  AcquisitionErrors errors;
+  if (shows_wrong_sweep_alone(measures))
+    errors.sweep = most_errors(in_.options.ridge_similarity).sweep;
   const std::optional<double> most =
       mirror_agreement(decoys, *fitted, *asked, in_.options.parts, errors,
                        agreement_options(in_, field()), field(), run);

@@ -83,9 +83,9 @@ class Evidence {
   void expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
                     Assessment& result) const;
   /// Estimates errors of the acquisition, unless the refinement did. Returns the pose with the
-  /// errors that the images show, or `refined` if they show none.
+  /// wrong sweep that the images show, or `refined` if they show none, or wrong depths.
   Candidate estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
-  /// The deciding images; with beams if they are looked at with errors that they show.
+  /// The deciding images; with beams if they are looked at with a wrong sweep that they show.
   SimilarityImages& images_for(const Measures& measures);
   /// The local agreement of decoys, if it is more than that of others so far.
   void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run);

@@ -84,19 +84,14 @@ std::string anatomy_words(const Measures& m) {
          "during a breath hold";
 }
 
-/// Errors beyond these are named where the images show them. Smaller ones are within the bias of
+/// A sweep error beyond this is named where the images show it. Smaller ones are within the bias of
 /// the estimate.
-constexpr double kWrongDepth = 0.02;
 constexpr double kWrongSweep = 0.05;
-
-bool has_wrong_depths(const Measures& m) {
-  return shows_errors(m) && m.depth_error && std::abs(*m.depth_error) > kWrongDepth;
-}
 
 std::string near_words(const Measures& m) {
   std::string words = "an error of more than 5 mm is not improbable (expected are " +
                       number(*m.expected_error_mm) + " mm";
-  if (has_wrong_depths(m)) return words + "), since the recorded depths are wrong";
+  if (shows_wrong_depths(m)) return words + "), since the recorded depths are wrong";
   if (m.tissue_motion_mm)
     words += "; tissue in the middle of the field would rather lie " + number(*m.tissue_motion_mm) +
              " mm elsewhere";
@@ -110,7 +105,7 @@ std::string acquisition_words(const Measures& m) {
   std::string words;
   if (!shows_errors(m)) return words;
   const auto percent = [](double error) { return number(100.0 * std::abs(error)) + " %"; };
-  if (has_wrong_depths(m))
+  if (shows_wrong_depths(m))
     words += "; the ultrasound fits better if its depths are " + percent(*m.depth_error) +
              (*m.depth_error > 0.0 ? " larger" : " smaller") +
              ": check depth and sample spacing in the probe file, and the speed of sound";
