@@ -24,7 +24,7 @@ struct Assessor::AsPatient {
 
 namespace {
 
-/// What was compared, as if all parts of the field agreed about the pose.
+/// The comparison of a pose, as if all parts of the field agreed about it.
 Assessment with_best_parts(Assessment compared) {
   Measures& measures = compared.measures;
   measures.parts_mm = measures.tissue_motion_mm = 0.0;
@@ -125,7 +125,7 @@ Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Cand
   if (!gathers()) return compared;
   if (gathers_own()) {
     own_.check(refined, compared, run);
-    // What takes long is not worth it for a pose in doubt if the registration goes on from here.
+    // Evidence that takes long is not worth it for a pose in doubt if the registration goes on.
     if (!may_go_on_as_patient(options_)) own_.settle(optima.front(), compared, run);
     return compared;
   }

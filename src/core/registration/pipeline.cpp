@@ -33,7 +33,7 @@ class Pipeline {
   /// Each round searches, refines, assesses and judges, until the pose passes the gates, or the
   /// evidence says that another round would not help.
   Outcome<PipelineResult> search();
-  /// What the first round finds, if that is to be believed without further search.
+  /// The pose of the first round, if it is to be believed without further search.
   std::optional<PipelineResult> at_once();
   /// The pose that the trail leads to, if it is to be believed without a search.
   std::optional<PipelineResult> tracked(const Trail& trail, double reach_mm);
