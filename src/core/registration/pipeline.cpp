@@ -203,13 +203,12 @@ Outcome<PipelineResult> registered(const BeamUltrasound& us, const PreparedCt& c
                                    const Eigen::Isometry3d& T_us_ct_initial,
                                    const RegistrationOptions& options, const Trail* trail,
                                    double reach_mm, Run& run) {
-  constexpr double kShareOfOwn = 0.3;
-  run.begin_part(0.0, may_go_on_as_patient(options) ? kShareOfOwn : 1.0);
   Outcome<std::optional<PipelineResult>> found =
       by_own_images(us, ct, T_us_ct_initial, options, trail, reach_mm, run);
   if (!found) return found.refusal();
   if (*found) return **found;
-  run.begin_part(kShareOfOwn, 1.0);
+  constexpr double kCompared = 0.6;  // as far as a pose in doubt has come
+  run.begin_part(kCompared, 1.0);
   found = by_own_images(us, ct, T_us_ct_initial, as_patient(options), nullptr, 0.0, run);
   if (!found) return found.refusal();
   (*found)->by_patient = true;
