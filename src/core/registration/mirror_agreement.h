@@ -12,7 +12,8 @@ namespace usct::registration {
 ///
 /// Each decoy climbs by `fitted` from the pose that was found for it first, so that its clusters
 /// are asked where it fits as exactly as the pose that it is compared with. `asked` is the
-/// similarity of the clusters. Unset if no decoy has a local agreement.
+/// similarity of the clusters. `errors` are the greatest errors of the acquisition that a decoy may
+/// climb to. Unset if no decoy has a local agreement.
 std::optional<double> mirror_agreement(const std::vector<Decoy>& decoys, const Similarity& fitted,
                                        const Similarity& asked, const PartOptions& climb,
                                        const AcquisitionErrors& errors,
