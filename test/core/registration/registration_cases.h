@@ -68,9 +68,13 @@ inline const RegistrationCase& agar_case() {
   return agar;
 }
 /// The case of a tracked sweep; made once.
-inline const RegistrationCase& patient_case() {
-  static const RegistrationCase patient = make_case(
+inline const phantom::PhantomCase& patient_phantom() {
+  static const phantom::PhantomCase patient = phantom::make_phantom(
       small_phantom(phantom::SceneKind::kPatient, phantom::SweepKind::kTrackedCurvilinear));
+  return patient;
+}
+inline const RegistrationCase& patient_case() {
+  static const RegistrationCase patient = case_of(patient_phantom(), patient_phantom().ultrasound);
   return patient;
 }
 

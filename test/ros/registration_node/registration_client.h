@@ -114,6 +114,10 @@ class RegistrationClient {
     if (!us_publisher) us_publisher = node.advertise<msg::PreScanVolume>("us/volume", 1, true);
     us_publisher.publish(message);
   }
+  /// Whether the node is connected to the publishers of both, once both have been sent.
+  bool is_heard() const {
+    return ct_publisher.getNumSubscribers() > 0 && us_publisher.getNumSubscribers() > 0;
+  }
   Result call() {
     msg::Register call;
     EXPECT_TRUE(service.call(call));

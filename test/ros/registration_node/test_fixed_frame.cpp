@@ -96,9 +96,7 @@ TEST(Registration, ResultIsAnchoredInTheFixedFrame) {
 
 /// The patient's phantom as tracked frames, at the same positions in "patient" for any US frame.
 msg::PreScanVolume seen_from(const Isometry3d& T_patient_us, const ::ros::Time& stamp) {
-  static const phantom::PhantomCase patient = phantom::make_phantom(
-      test::small_phantom(phantom::SceneKind::kPatient, phantom::SweepKind::kTrackedCurvilinear));
-  PreScanVolume volume = patient.ultrasound;
+  PreScanVolume volume = test::patient_phantom().ultrasound;
   auto& sweep = std::get<TrackedSweep>(volume.geometry.motion);
   sweep.frame_times_s.clear();
   for (Isometry3d& T : sweep.T_us_frame) T = T_patient_us.inverse() * kPatientUs * T;
@@ -137,6 +135,12 @@ TEST(Registration, ContinuousNodeletFollowsTheProbe) {
   const std::uint32_t crc32 = to_message(images.ct, header("ct", ::ros::Time(1.0)), 1).crc32;
   alignment.publish(accepted_alignment(kPatientUs * test::nearby(images), crc32));
   client.send_ct(images.ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  const auto send = [&] {
+    const ::ros::Time now = ::ros::Time::now();
+    client.send(seen_from(tracking.T_patient_us(now), now));
+  };
+  send();
+  ASSERT_TRUE(eventually([&] { return client.is_heard(); })) << "no connection to the node";
   constexpr std::size_t kWanted = 6;
   std::vector<Result> registered;
   bool is_accepted = false;
@@ -145,8 +149,7 @@ TEST(Registration, ContinuousNodeletFollowsTheProbe) {
       alignment.publish(accepted_alignment(kPatientUs * images.T_us_ct_true, crc32));
       is_accepted = true;
     }
-    const ::ros::Time now = ::ros::Time::now();
-    client.send(seen_from(tracking.T_patient_us(now), now));
+    send();
     registered.clear();
     for (const Result& result : client.published())
       if (result.status.code == Status::REGISTERED) registered.push_back(result);
@@ -186,11 +189,13 @@ TEST(Registration, ContinuousNodeletAnswersRequestsAndDiagnoses) {
             for (const auto& value : status.values) values[value.key] = value.value;
       });
   EXPECT_NE(client.call().status.code, Status::BUSY);
+  std::string newest;
   EXPECT_TRUE(eventually([&] {
     const std::lock_guard<std::mutex> lock(mutex);
+    newest = testing::PrintToString(values);
     return values.count("continuous rate, Hz") > 0 && values["CT revision"] == "1" &&
            values.count("last status") > 0 && values["ultrasound volumes held"] != "0";
-  }));
+  })) << newest;
 }
 
 }  // namespace
