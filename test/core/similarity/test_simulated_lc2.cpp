@@ -138,11 +138,31 @@ double error_of(const SimulatedCase& c) {
   return error;
 }
 
+/// How much the reference changes where the ultrasound moves by less than single precision tells.
+/// A sample on a threshold is then rounded to the other side, and a whole beam behind it may be
+/// occluded.
+double change_by_rounding(const SimulatedCase& c) {
+  constexpr double kStepMm = 1e-4;
+  const SimulatedUltrasound here = reference(c);
+  double change = 0.0;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double step : {-kStepMm, kStepMm}) {
+      SimulatedCase moved = c;
+      moved.T_ct_us.translation()[axis] += step;
+      const SimulatedUltrasound there = reference(moved);
+      if (there.has_fit() != here.has_fit()) return std::numeric_limits<double>::infinity();
+      change = std::max(change, std::abs(there.overlap - here.overlap));
+      if (here.has_fit()) change = std::max(change, std::abs(there.lc2 - here.lc2));
+    }
+  return change;
+}
+
 RC_GTEST_PROP(SimulatedLc2, IsTheReferenceForAnyOptionsAndPose, ()) {
   const SimulatedCase c = random_simulated_case();
   // A sample on a threshold or half-way between voxels may be rounded to either side.
   const auto samples = static_cast<double>(c.ultrasound.brightness.size());
-  RC_ASSERT(error_of(c) < 1e-5 + 2.0 / samples);
+  const double error = error_of(c);
+  RC_ASSERT(error < 1e-5 + 2.0 / samples || error <= 2.0 * change_by_rounding(c));
 }
 
 /// A case with air, bone and gas whose ultrasound lies in the CT except for a corner.
