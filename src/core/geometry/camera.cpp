@@ -60,11 +60,14 @@ void Camera::find_limit(const std::string& source) {
   constexpr double kStep = 0.002;
   constexpr double kLeastSlope = 0.05;
   constexpr double kMostRadius = 10.0;  // 84 degrees from the axis
+  std::array<Vector2d, 4> corners;
   double corner = 0.0;
-  for (const double x : {-0.5, intrinsics_.width - 0.5})
-    for (const double y : {-0.5, intrinsics_.height - 0.5})
-      corner = std::max(corner, std::hypot((x - intrinsics_.cx) / intrinsics_.fx,
-                                           (y - intrinsics_.cy) / intrinsics_.fy));
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    corners[i] = {i % 2 == 0 ? -0.5 : intrinsics_.width - 0.5,
+                  i / 2 == 0 ? -0.5 : intrinsics_.height - 0.5};
+    corner = std::max(corner, std::hypot((corners[i].x() - intrinsics_.cx) / intrinsics_.fx,
+                                         (corners[i].y() - intrinsics_.cy) / intrinsics_.fy));
+  }
   const std::array<double, 8>& d = intrinsics_.distortion;
   double radius = 0.0;
   double distance = 0.0;
@@ -73,11 +76,16 @@ void Camera::find_limit(const std::string& source) {
     radius += kStep;
     distance = radius * radial_factor(d, radius * radius);
   }
-  require(distance >= corner, source, "D", distance,
-          "distortion that rises up to the corners of the image, at a distance of " +
-              std::to_string(corner) + " focal lengths from its centre; it folds back here");
+  const auto require_rising = [&](bool rises) {
+    require(rises, source, "D", distance,
+            "distortion that rises up to the corners of the image, at a distance of " +
+                std::to_string(corner) + " focal lengths from its centre; it folds back here");
+  };
+  require_rising(distance >= corner);
   limit_ = radius;
   slope_at_limit_ = radial_slope(d, radius);
+  // The tangential terms may take a corner beyond.
+  for (const Vector2d& pixel : corners) require_rising(ray(pixel).head<2>().norm() <= limit_);
 }
 
 template <typename T>
@@ -108,19 +116,28 @@ Vector3d Camera::ray(const Vector2d& pixel) const {
                         (pixel.y() - intrinsics_.cy) / intrinsics_.fy);
   Vector2d at = wanted;
   if (is_distorted_) {
-    // Newton's method, from the undistorted position; near the corners it needs some ten steps.
+    // Newton's method, from the undistorted position; near the corners it needs some ten steps. A
+    // step that leads farther away is shortened.
     constexpr int kMostSteps = 30;
     constexpr double kStep = 1e-6;
     constexpr double kClose = 1e-12;
-    for (int step = 0; step < kMostSteps; ++step) {
-      const Vector2d error = distorted<double>(at) - wanted;
-      if (error.squaredNorm() < kClose * kClose) break;
+    constexpr double kLeastShare = 1e-3;
+    Vector2d error = distorted<double>(at) - wanted;
+    for (int step = 0; step < kMostSteps && error.squaredNorm() >= kClose * kClose; ++step) {
       Eigen::Matrix2d slope;
       for (int axis = 0; axis < 2; ++axis) {
         const Vector2d by = kStep * Vector2d::Unit(axis);
         slope.col(axis) = (distorted<double>(at + by) - distorted<double>(at - by)) / (2.0 * kStep);
       }
-      at -= slope.inverse() * error;
+      const Vector2d whole = slope.inverse() * error;
+      const double before = error.squaredNorm();
+      double share = 1.0;
+      error = distorted<double>(at - whole) - wanted;
+      while (error.squaredNorm() > before && share > kLeastShare) {
+        share *= 0.5;
+        error = distorted<double>(at - share * whole) - wanted;
+      }
+      at -= share * whole;
     }
   }
   return {at.x(), at.y(), 1.0};

@@ -88,6 +88,22 @@ TEST(Camera, WithoutDistortionIsAPinhole) {
   EXPECT_NEAR(pixel.y(), 530.25 - 1490.0 * 0.1, 1e-9);
 }
 
+/// Whole steps of Newton's method overshoot here.
+TEST(Camera, CornersOfAStrongLensHaveTheirRays) {
+  CameraIntrinsics c = endoscope();
+  c.fx = 678.2;
+  c.fy = 689.6;
+  c.cx = 904.1;
+  c.cy = 514.3;
+  c.distortion = {0.41382, 0.0679, -0.00101, 0.0028, -0.05939, 0.05342, 0.00165, 0.02915};
+  const Camera camera(c, "test");
+  for (const double x : {0.0, c.width - 1.0})
+    for (const double y : {0.0, c.height - 1.0}) {
+      const Eigen::Vector3d p = 80.0 * camera.ray({x, y});
+      EXPECT_LT((by_opencv(c, p) - Eigen::Vector2d(x, y)).norm(), 1e-6) << x << ", " << y;
+    }
+}
+
 /// The polynomial of a barrel distortion turns back: far beside the field it would give pixels of
 /// the image.
 TEST(Camera, WhatLiesFarBesideTheFieldIsNotProjectedIntoIt) {
