@@ -32,8 +32,9 @@ struct EvidenceInput {
 };
 
 /// Whether a pose is accepted without evidence that takes long: the agreement of mirror images, and
-/// mirrored CTs. Its `wrong_probability` must be far below `limit`, and its blocks must agree more
-/// than those of most mirrored CTs of nearly symmetric kidneys, where other evidence says nothing.
+/// mirrored CTs. Its `wrong_probability` must be far below `limit`, its blocks must agree more than
+/// those of most mirrored CTs of nearly symmetric kidneys, where other evidence says nothing, and
+/// it must fit better than its mirror images.
 bool is_beyond_doubt(const Measures& measures, double limit);
 
 /// Gathers the evidence on one set of images.
