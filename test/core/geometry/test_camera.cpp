@@ -147,6 +147,15 @@ TEST(Camera, ImpossibleOnesAreRefused) {
   refused([](CameraIntrinsics& c) { c.distortion[1] = std::numeric_limits<double>::infinity(); });
   // r (1 - 2 r^2) turns back at r = 0.41; the corners are at 0.74.
   refused([](CameraIntrinsics& c) { c.distortion[0] = -2.0; });
+  // The radial distortion reaches the corners. With the tangential one OpenCV's projection of the
+  // whole field comes no nearer than 2 pixels to the upper left one.
+  refused([](CameraIntrinsics& c) {
+    c.fx = 2136.3;
+    c.fy = 2090.28;
+    c.cx = 958.82;
+    c.cy = 567.63;
+    c.distortion = {-0.470371, -0.063551, -0.000551, 0.004466, -0.050662};
+  });
 }
 
 }  // namespace

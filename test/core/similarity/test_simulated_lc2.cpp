@@ -138,8 +138,8 @@ double error_of(const SimulatedCase& c) {
   return error;
 }
 
-/// How much the reference changes where the ultrasound moves by less than single precision tells.
-/// A sample on a threshold is then rounded to the other side, and a whole beam behind it may be
+/// How much the reference changes where the ultrasound moves by some roundings of single precision.
+/// A sample on a threshold then comes to lie on the other side, and a whole beam behind it may be
 /// occluded.
 double change_by_rounding(const SimulatedCase& c) {
   constexpr double kStepMm = 1e-4;
