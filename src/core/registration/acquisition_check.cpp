@@ -84,9 +84,7 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
   const std::shared_ptr<const Similarity> stretched =
       make_similarity(along_beams, on_samples(similarity, SampleSubset::kHalf));
   if (!stretched) return std::nullopt;
-  std::vector<Candidate> start{{T_us_ct, {}}};
-  evaluate(*stretched, start, run);
-  const ErrorClimbs climbs(*stretched, start.front(), options, field, run);
+  const ErrorClimbs climbs(*stretched, {T_us_ct, {}}, options, field, run);
   const AcquisitionErrors most = most_errors(similarity);
   const AcquisitionErrors depth{most.depth, 0.0};
   const AcquisitionErrors sweep{0.0, most.sweep};

@@ -84,9 +84,26 @@ class Parameters {
   Candidate from_;
 };
 
+/// The optimizer for a climb on a similarity.
+OptimizerOptions optimizer_of(const Climb& how, const Similarity& similarity) {
+  OptimizerOptions optimizer = how.optimizer;
+  optimizer.seed = how.seed;
+  const bool estimates_errors = how.error_limits.depth > 0.0 || how.error_limits.sweep > 0.0;
+  if (optimizer.method == OptimizerMethod::kGaussNewton && estimates_errors &&
+      !similarity.has_error_derivatives())
+    optimizer.method = OptimizerMethod::kBobyqa;
+  return optimizer;
+}
+
 void climb(const Similarity& similarity, const Climb& how, const PoseParameters& scaled,
            Candidate& candidate, Run& run) {
-  if (!candidate.has_value()) return;  // without a value there is no slope to climb
+  const OptimizerOptions optimizer = optimizer_of(how, similarity);
+  // Gauss-Newton begins with the value of its start, and ends there if it has none. Others go on.
+  if (!candidate.has_value() && optimizer.method != OptimizerMethod::kGaussNewton) {
+    set_value(candidate, similarity.evaluate(candidate.pose()));
+    run.count_evaluations(1);
+    if (!candidate.has_value()) return;
+  }
   const Parameters parameters(how, candidate, scaled);
   OptimizerProblem problem = parameters.problem();
   SimilarityValue best;  // of the first of the best poses, as the optimizer's result
@@ -106,11 +123,7 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
       costs.push_back(cost_of(value));
     return costs;
   };
-  OptimizerOptions optimizer = how.optimizer;
-  if (optimizer.method == OptimizerMethod::kGaussNewton) {
-    if (problem.start.size() > SimilarityDerivatives::kMotion &&
-        !similarity.has_error_derivatives())
-      optimizer.method = OptimizerMethod::kBobyqa;
+  if (optimizer.method == OptimizerMethod::kGaussNewton)
     problem.model = [&](const VectorXd& x, bool with_curvature, double below) {
       run.check_cancelled();
       const auto order = with_curvature ? DerivativeOrder::kCurvature : DerivativeOrder::kGradient;
@@ -119,8 +132,6 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
       cost_of(derivatives.value);
       return parameters.model(x, derivatives);
     };
-  }
-  optimizer.seed = how.seed;
   const OptimizerResult result = optimize(problem, optimizer);
   run.count_evaluations(static_cast<std::size_t>(result.evaluations));
   if (!result.best) return set_value(candidate, {});
@@ -150,14 +161,22 @@ void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, 
   run.count_evaluations(candidates.size());
 }
 
+void climb(const std::vector<Climbers>& groups, const Climb& how, const FieldPoints& field,
+           Run& run) {
+  std::vector<std::pair<const Similarity*, Candidate*>> all;
+  for (const Climbers& group : groups)
+    for (Candidate& candidate : group.candidates) all.emplace_back(&group.similarity, &candidate);
+  if (all.empty()) return;
+  const PoseParameters scaled(all.front().second->T_us_ct, field.us_mm());
+  parallel_for(static_cast<int>(all.size()), [&](int i) {
+    const auto& [similarity, candidate] = all[static_cast<std::size_t>(i)];
+    climb(*similarity, how, scaled, *candidate, run);
+  });
+}
+
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run) {
-  if (candidates.empty()) return;
-  const PoseParameters scaled(candidates.front().T_us_ct, field.us_mm());
-  if (candidates.size() == 1) return climb(similarity, how, scaled, candidates.front(), run);
-  parallel_for(static_cast<int>(candidates.size()), [&](int i) {
-    climb(similarity, how, scaled, candidates[static_cast<std::size_t>(i)], run);
-  });
+  climb({{similarity, candidates}}, how, field, run);
 }
 
 void sort_best_first(std::vector<Candidate>& candidates, std::size_t most) {

@@ -41,8 +41,8 @@ class FieldPoints {
 /// Fills in value and overlap of the candidates.
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run);
 
-/// Options for climbing from candidates. Where errors are estimated, BOBYQA takes the place of
-/// Gauss-Newton, since similarities have no derivatives by the errors.
+/// Options for climbing from candidates. Where errors are estimated by a similarity that has no
+/// derivatives by them, BOBYQA takes the place of Gauss-Newton.
 struct Climb {
   const OptimizerOptions& optimizer;
   double reach_mm;
@@ -51,9 +51,19 @@ struct Climb {
   std::uint32_t seed;
 };
 
-/// Moves each candidate that has a value to a nearby optimum, in parallel over the candidates. One
-/// from which the optimizer cannot start has no value then. For a single candidate the similarity
-/// uses the threads instead.
+/// Candidates that climb on one similarity, whether they have a value yet or not.
+struct Climbers {
+  const Similarity& similarity;
+  std::vector<Candidate>& candidates;
+};
+
+/// Moves each candidate to a nearby optimum. One from which the optimizer cannot start has no value
+/// then. The threads share the candidates of all groups, so that none waits for the last one of a
+/// group; for a single candidate the similarity uses them instead.
+void climb(const std::vector<Climbers>& groups, const Climb& how, const FieldPoints& field,
+           Run& run);
+
+/// The same for one group.
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run);
 

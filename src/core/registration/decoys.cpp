@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <deque>
 
-#include "parallel.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::registration {
@@ -44,29 +43,41 @@ Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
   }
 }
 
-/// Searches with mirrored ultrasound from where the search ended, up to so many rounds. The best
-/// has no value if there is none.
-void search(Decoy& decoy, const SearchProblem& problem, const Isometry3d& T_us_ct_found, int rounds,
-            Run& run) {
-  std::deque<MirroredSimilarity> mirrored;  // does not move its elements
-  const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
-    return similarity == nullptr ? nullptr : &mirrored.emplace_back(*similarity, decoy.T_mirror);
-  };
-  std::vector<LevelSimilarities> similarities;
-  for (const LevelSimilarities& level : problem.similarities)
-    similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
-  // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
-  const SearchProblem of_decoy{similarities,  problem.options, problem.T_us_ct_initial,
-                               problem.field, problem.seed,    T_us_ct_found};
-  if (decoy.rounds > 0) {
-    const Candidate near =
-        optimum_near(of_decoy, T_us_ct_found, problem.options.levels.back().reach_mm, run);
-    if (near.has_value()) decoy.optima.push_back(near);
-    sort_best_first(decoy.optima, decoy.optima.size());
+/// The mirrored similarities of decoys, and the problems of searching with them.
+class DecoyProblems {
+ public:
+  /// What they refer to must outlive them.
+  DecoyProblems(const std::vector<Decoy>& decoys, const SearchProblem& problem,
+                const Isometry3d& T_us_ct_found) {
+    for (const Decoy& decoy : decoys) {
+      const auto mirror_image = [&](const Similarity* similarity) -> const Similarity* {
+        return similarity == nullptr ? nullptr
+                                     : &mirrored_.emplace_back(*similarity, decoy.T_mirror);
+      };
+      std::vector<LevelSimilarities> similarities;
+      for (const LevelSimilarities& level : problem.similarities)
+        similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
+      // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
+      all_.push_back({std::move(similarities), problem.options, problem.T_us_ct_initial,
+                      problem.field, problem.seed, T_us_ct_found});
+    }
   }
-  for (; decoy.rounds < rounds; ++decoy.rounds)
-    decoy.optima = multi_start(of_decoy, decoy.rounds, std::move(decoy.optima), run);
-  decoy.best = decoy.optima.empty() ? Candidate{} : decoy.optima.front();
+  const std::vector<SearchProblem>& all() const { return all_; }
+
+ private:
+  std::deque<MirroredSimilarity> mirrored_;  // does not move its elements
+  std::vector<SearchProblem> all_;
+};
+
+/// Adds what is reached from a pose that was found for the ultrasound since.
+void climb_from(const Isometry3d& T_us_ct_found, const std::vector<SearchProblem>& problems,
+                std::vector<Decoy>& decoys, Run& run) {
+  const double reach_mm = problems.front().options.levels.back().reach_mm;
+  const std::vector<Candidate> near = optima_near(problems, T_us_ct_found, reach_mm, run);
+  for (std::size_t i = 0; i < decoys.size(); ++i) {
+    if (near[i].has_value()) decoys[i].optima.push_back(near[i]);
+    sort_best_first(decoys[i].optima, decoys[i].optima.size());
+  }
 }
 
 }  // namespace
@@ -115,9 +126,20 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
 
 std::vector<Decoy> searched_further(std::vector<Decoy> decoys, const SearchProblem& problem,
                                     const Isometry3d& T_us_ct_found, int rounds, Run& run) {
-  parallel_for(static_cast<int>(decoys.size()), [&](int i) {
-    search(decoys[static_cast<std::size_t>(i)], problem, T_us_ct_found, rounds, run);
-  });
+  if (decoys.empty()) return decoys;
+  const DecoyProblems problems(decoys, problem, T_us_ct_found);
+  // All decoys have gone through as many rounds.
+  int& round = decoys.front().rounds;
+  if (round > 0) climb_from(T_us_ct_found, problems.all(), decoys, run);
+  std::vector<std::vector<Candidate>> optima;
+  for (Decoy& decoy : decoys) optima.push_back(std::move(decoy.optima));
+  for (; round < rounds; ++round)
+    optima = multi_start(problems.all(), round, std::move(optima), run);
+  for (std::size_t i = 0; i < decoys.size(); ++i) {
+    decoys[i].rounds = round;
+    decoys[i].optima = std::move(optima[i]);
+    decoys[i].best = decoys[i].optima.empty() ? Candidate{} : decoys[i].optima.front();
+  }
   decoys.erase(std::remove_if(decoys.begin(), decoys.end(),
                               [](const Decoy& decoy) { return !decoy.best.has_value(); }),
                decoys.end());

@@ -12,7 +12,6 @@ Candidate fitted_pose(const Decoy& decoy, const Similarity& fitted, const PartOp
                       const AcquisitionErrors& errors, const FieldPoints& field, Run& run) {
   const MirroredSimilarity mirrored(fitted, decoy.T_mirror);
   std::vector<Candidate> climbed{{decoy.best.T_us_ct, {}}};
-  evaluate(mirrored, climbed, run);
   climb(mirrored, {how.optimizer, how.reach_mm, errors, 1}, field, climbed, run);
   return climbed.front();
 }

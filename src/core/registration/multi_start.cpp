@@ -37,53 +37,82 @@ void screen(const SearchProblem& problem, std::size_t at, std::vector<Candidate>
   sort_best_first(candidates, most);
 }
 
-/// The best distinct optima of one level that are reached from the candidates. A choice among them
-/// compares them first; those that a level before has chosen are climbed from as they are.
-std::vector<Candidate> climb_level(const SearchProblem& problem, std::size_t at, int round,
-                                   std::vector<Candidate> candidates, Run& run) {
-  const LevelOptions& level = problem.options.levels[at];
-  const Similarity& similarity = *problem.similarities[at].all;
-  const auto most = static_cast<std::size_t>(level.optimised);
-  if (candidates.size() > most || !candidates.front().has_value()) {
+/// The candidates from which a level is climbed. A choice among them compares them first; those
+/// that a level before has chosen are climbed from as they are.
+std::vector<Candidate> chosen(const SearchProblem& problem, std::size_t at, int round,
+                              std::vector<Candidate> candidates, Run& run) {
+  const auto most = static_cast<std::size_t>(problem.options.levels[at].optimised);
+  if (candidates.size() > most) {
     screen(problem, at, candidates, run);
-    evaluate(similarity, candidates, run);
+    evaluate(*problem.similarities[at].all, candidates, run);
     sort_best_first(candidates, most);
   }
   const bool is_start = at == 0 && problem.T_us_ct_given.isApprox(problem.T_us_ct_initial, 0.0);
-  if (round == 0 && !is_start) {
-    std::vector<Candidate> given{{problem.T_us_ct_given, {}}};
-    evaluate(similarity, given, run);
-    candidates.push_back(given.front());
+  if (round == 0 && !is_start) candidates.push_back({problem.T_us_ct_given, {}});
+  return candidates;
+}
+
+/// Replaces the candidates of each problem by the best distinct optima of one level that are
+/// reached from them.
+void climb_level(const std::vector<SearchProblem>& problems, std::size_t at, int round,
+                 std::vector<std::vector<Candidate>>& candidates, Run& run) {
+  const LevelOptions& level = problems.front().options.levels[at];
+  const FieldPoints& field = problems.front().field;
+  std::vector<Climbers> climbers;
+  for (std::size_t i = 0; i < problems.size(); ++i) {
+    candidates[i] = chosen(problems[i], at, round, std::move(candidates[i]), run);
+    climbers.push_back({*problems[i].similarities[at].all, candidates[i]});
   }
-  climb(similarity, {level.optimizer, level.reach_mm, {}, problem.seed}, problem.field, candidates,
-        run);
-  return best_distinct(std::move(candidates), problem.options.distinct_mm,
-                       static_cast<std::size_t>(level.kept), problem.field);
+  climb(climbers, {level.optimizer, level.reach_mm, {}, problems.front().seed}, field, run);
+  for (std::vector<Candidate>& of_problem : candidates)
+    of_problem = best_distinct(std::move(of_problem), problems.front().options.distinct_mm,
+                               static_cast<std::size_t>(level.kept), field);
 }
 
 }  // namespace
 
+std::vector<std::vector<Candidate>> multi_start(const std::vector<SearchProblem>& problems,
+                                                int round,
+                                                std::vector<std::vector<Candidate>> found,
+                                                Run& run) {
+  std::vector<std::vector<Candidate>> all;
+  for (const SearchProblem& problem : problems) all.push_back(starts_of(problem, round));
+  for (std::size_t level = 0; level <= deciding_level(problems.front()); ++level)
+    climb_level(problems, level, round, all, run);
+  for (std::size_t i = 0; i < problems.size(); ++i) {
+    const SearchOptions& options = problems[i].options;
+    all[i].insert(all[i].end(), found[i].begin(), found[i].end());
+    all[i] = best_distinct(std::move(all[i]), options.distinct_mm,
+                           static_cast<std::size_t>(options.most_optima), problems[i].field);
+    if (!all[i].empty() && !all[i].front().has_value()) all[i].clear();
+  }
+  return all;
+}
+
 std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run) {
-  const SearchOptions& options = problem.options;
-  std::vector<Candidate> candidates = starts_of(problem, round);
-  for (std::size_t level = 0; level <= deciding_level(problem); ++level)
-    candidates = climb_level(problem, level, round, std::move(candidates), run);
-  candidates.insert(candidates.end(), found.begin(), found.end());
-  candidates = best_distinct(std::move(candidates), options.distinct_mm,
-                             static_cast<std::size_t>(options.most_optima), problem.field);
-  if (!candidates.empty() && !candidates.front().has_value()) candidates.clear();
-  return candidates;
+  return multi_start(std::vector<SearchProblem>{problem}, round,
+                     std::vector<std::vector<Candidate>>{std::move(found)}, run)
+      .front();
+}
+
+std::vector<Candidate> optima_near(const std::vector<SearchProblem>& problems,
+                                   const Eigen::Isometry3d& T_us_ct, double reach_mm, Run& run) {
+  const LevelOptions& deciding = problems.front().options.levels.back();
+  std::vector<std::vector<Candidate>> starts(problems.size(), {{T_us_ct, {}}});
+  std::vector<Climbers> climbers;
+  for (std::size_t i = 0; i < problems.size(); ++i)
+    climbers.push_back({*problems[i].similarities.back().all, starts[i]});
+  climb(climbers, {deciding.optimizer, reach_mm, {}, problems.front().seed}, problems.front().field,
+        run);
+  std::vector<Candidate> optima;
+  for (const std::vector<Candidate>& of_problem : starts) optima.push_back(of_problem.front());
+  return optima;
 }
 
 Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
                        double reach_mm, Run& run) {
-  const LevelOptions& deciding = problem.options.levels.back();
-  const Similarity& similarity = *problem.similarities.back().all;
-  std::vector<Candidate> optimum{{T_us_ct, {}}};
-  evaluate(similarity, optimum, run);
-  climb(similarity, {deciding.optimizer, reach_mm, {}, problem.seed}, problem.field, optimum, run);
-  return optimum.front();
+  return optima_near(std::vector<SearchProblem>{problem}, T_us_ct, reach_mm, run).front();
 }
 
 std::vector<Candidate> headed_by(const Candidate& first, const std::vector<Candidate>& others,

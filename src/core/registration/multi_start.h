@@ -30,7 +30,17 @@ struct SearchProblem {
 std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run);
 
-/// The optimum of the deciding level that a pose leads to, at most `reach_mm` away.
+/// The same for problems that differ in their similarities and given poses only, all at once:
+/// threads share their climbs. An entry of `found` and of the result for each problem.
+std::vector<std::vector<Candidate>> multi_start(const std::vector<SearchProblem>& problems,
+                                                int round,
+                                                std::vector<std::vector<Candidate>> found,
+                                                Run& run);
+
+/// For each of such problems the optimum of the deciding level that a pose leads to, at most
+/// `reach_mm` away.
+std::vector<Candidate> optima_near(const std::vector<SearchProblem>& problems,
+                                   const Eigen::Isometry3d& T_us_ct, double reach_mm, Run& run);
 Candidate optimum_near(const SearchProblem& problem, const Eigen::Isometry3d& T_us_ct,
                        double reach_mm, Run& run);
 

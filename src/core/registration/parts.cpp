@@ -52,7 +52,6 @@ Candidate pose_of(SimilarityImages& half, const SimilarityOptions& similarity,
   const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
   if (!part) return {};
   std::vector<Candidate> climbed{{T_us_ct, {}}};
-  evaluate(*part, climbed, run);
   climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
   return climbed.front();
 }

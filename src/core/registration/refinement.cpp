@@ -10,8 +10,7 @@ Outcome<Candidate> refine(const ImagePyramid& images, const PreparedCt& ct,
       run.timed("ct", [&] { return refinement_level(images, ct, optimum.T_us_ct, options); });
   if (!level) return level.refusal();
   return run.timed("refinement", [&]() -> Outcome<Candidate> {
-    std::vector<Candidate> refined{optimum};
-    evaluate(*level->similarity, refined, run);
+    std::vector<Candidate> refined{{optimum.T_us_ct, optimum.errors}};
     climb(*level->similarity,
           {refinement.optimizer,
            refinement.reach_mm,

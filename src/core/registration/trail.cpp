@@ -13,23 +13,36 @@ constexpr std::size_t kRivals = 3;
 /// Climbs from poses that are closer than this end alike: it is half a voxel of the deciding level.
 constexpr double kSameStartMm = 1.0;
 
-/// The decoy of the trail on new images; without a value if it has none there.
-Decoy follow_decoy(const Decoy& before, const Isometry3d& T_now_before, const Isometry3d& T_us_ct,
-                   const SearchProblem& problem, const BeamGrid& beams, const LevelOptions& level,
-                   double reach_mm, Run& run) {
-  const Isometry3d T_mirror = mirror_of(before.mirror, beams, problem.field.centre_us_mm());
-  const MirroredSimilarity similarity(*problem.similarities.back().all, T_mirror);
-  // The mirrored ultrasound stays where it was in the CT, whatever the field is mirrored about.
-  const Isometry3d T_ct_us =
-      before.best.T_us_ct.inverse() * before.T_mirror * T_now_before.inverse() * T_mirror.inverse();
-  // If the ultrasound itself is mirrored now, its decoy fits where the ultrasound did before.
-  std::vector<Candidate> candidates{{T_ct_us.inverse(), {}}, {T_us_ct, {}}};
-  if (problem.field.distance_mm(T_us_ct, problem.T_us_ct_initial) > kSameStartMm)
-    candidates.push_back({problem.T_us_ct_initial, {}});
-  evaluate(similarity, candidates, run);
-  climb(similarity, {level.optimizer, reach_mm, {}, problem.seed}, problem.field, candidates, run);
-  sort_best_first(candidates, 1);
-  return {before.mirror, T_mirror, candidates.front(), {}};
+/// The decoys of the trail on new images, as far as they have a value there.
+std::vector<Decoy> follow_decoys(const std::vector<Decoy>& before, const Isometry3d& T_now_before,
+                                 const Isometry3d& T_us_ct, const SearchProblem& problem,
+                                 const BeamGrid& beams, const Climb& how, Run& run) {
+  std::vector<Isometry3d> mirrors;
+  std::vector<MirroredSimilarity> similarities;
+  std::vector<std::vector<Candidate>> candidates;
+  for (const Decoy& decoy : before) {
+    const Isometry3d T_mirror = mirror_of(decoy.mirror, beams, problem.field.centre_us_mm());
+    mirrors.push_back(T_mirror);
+    similarities.emplace_back(*problem.similarities.back().all, T_mirror);
+    // The mirrored ultrasound stays where it was in the CT, whatever the field is mirrored about.
+    const Isometry3d T_ct_us =
+        decoy.best.T_us_ct.inverse() * decoy.T_mirror * T_now_before.inverse() * T_mirror.inverse();
+    // If the ultrasound itself is mirrored now, its decoy fits where the ultrasound did before.
+    candidates.push_back({{T_ct_us.inverse(), {}}, {T_us_ct, {}}});
+    if (problem.field.distance_mm(T_us_ct, problem.T_us_ct_initial) > kSameStartMm)
+      candidates.back().push_back({problem.T_us_ct_initial, {}});
+  }
+  std::vector<Climbers> climbers;
+  for (std::size_t i = 0; i < before.size(); ++i)
+    climbers.push_back({similarities[i], candidates[i]});
+  climb(climbers, how, problem.field, run);
+  std::vector<Decoy> decoys;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    sort_best_first(candidates[i], 1);
+    if (candidates[i].front().has_value())
+      decoys.push_back({before[i].mirror, mirrors[i], candidates[i].front(), {}});
+  }
+  return decoys;
 }
 
 }  // namespace
@@ -52,9 +65,8 @@ std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
   const double reach_mm = confidence.rival_mm;
   std::vector<Candidate> optima{{problem.T_us_ct_initial, {}}};
   for (const Candidate& rival : trail.rivals) optima.push_back({T_now_before * rival.T_us_ct, {}});
-  evaluate(similarity, optima, run);
-  const OptimizerOptions& optimizer = problem.options.levels.back().optimizer;
-  climb(similarity, {optimizer, reach_mm, {}, problem.seed}, problem.field, optima, run);
+  const Climb how{problem.options.levels.back().optimizer, reach_mm, {}, problem.seed};
+  climb(similarity, how, problem.field, optima, run);
   const Candidate tracked = optima.front();
   const bool is_beaten = std::any_of(optima.begin(), optima.end(), [&](const Candidate& other) {
     return other.value > tracked.value &&
@@ -65,13 +77,9 @@ std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
   sort_best_first(optima, optima.size());
   optima.insert(optima.begin(), tracked);
 
-  Followed followed{std::move(optima), {}};
-  for (const Decoy& before : trail.decoys) {
-    const Decoy decoy = follow_decoy(before, T_now_before, tracked.T_us_ct, problem, beams,
-                                     problem.options.levels.back(), reach_mm, run);
-    if (decoy.best.has_value()) followed.decoys.push_back(decoy);
-  }
-  return followed;
+  std::vector<Decoy> decoys =
+      follow_decoys(trail.decoys, T_now_before, tracked.T_us_ct, problem, beams, how, run);
+  return Followed{std::move(optima), std::move(decoys)};
 }
 
 }  // namespace usct::registration
