@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cmath>
 #include <set>
 
 #include "core/registration/analytic_similarity.h"
@@ -197,6 +199,62 @@ TEST(MultiStart, WithoutAnyValueThereIsNoOptimum) {
       registration::multi_start(
           {{{&nothing, nullptr}, {&nothing, nullptr}}, options, initial, field, 1}, 0, {}, run)
           .empty());
+}
+
+TEST(MultiStart, ProblemsSearchedTogetherFindWhatEachFindsAlone) {
+  MultiStarted high({{kLow, 0.8, 6.0}, {kHigh, 1.0, 6.0}}, two_levels());
+  MultiStarted low({{kLow, 0.9, 6.0}}, two_levels());
+  const RegistrationHooks hooks;
+  registration::Run run(hooks);
+  const std::vector<std::vector<Candidate>> together = registration::multi_start(
+      std::vector<SearchProblem>{high.problem(), low.problem()}, 0, {{}, {}}, run);
+  ASSERT_EQ(together.size(), 2U);
+  const std::vector<std::vector<Candidate>> alone{high.round(0), low.round(0)};
+  for (std::size_t problem = 0; problem < 2; ++problem) {
+    ASSERT_EQ(together[problem].size(), alone[problem].size());
+    for (std::size_t i = 0; i < alone[problem].size(); ++i) {
+      EXPECT_EQ(together[problem][i].value, alone[problem][i].value);
+      EXPECT_TRUE(together[problem][i].T_us_ct.isApprox(alone[problem][i].T_us_ct, 0.0));
+    }
+  }
+  EXPECT_LT(high.distance_mm(together[0].front(), kHigh), 0.2);
+  EXPECT_LT(low.distance_mm(together[1].front(), kLow), 0.2);
+}
+
+/// Has a value on one side of a plane only, and notes how often it is asked.
+class HalfSpace final : public Similarity {
+ public:
+  using Similarity::evaluate;
+  void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
+                const Check&) const override {
+    for (std::size_t i = 0; i < count; ++i) {
+      ++asked;
+      const double x_mm = poses[i].T_ct_us.translation().x();
+      if (x_mm > 0.0) values[i] = {1.0 / (1.0 + std::abs(x_mm - 1.0)), 1.0};
+    }
+  }
+  mutable std::atomic<int> asked{0};
+};
+
+TEST(Climb, DoesNotBeginWhereThereIsNoValue) {
+  const FieldPoints field = cube_field();
+  const HalfSpace similarity;
+  const RegistrationHooks hooks;
+  for (const OptimizerMethod method : {OptimizerMethod::kBobyqa, OptimizerMethod::kCmaEs}) {
+    registration::Run run(hooks);
+    OptimizerOptions optimizer;
+    optimizer.method = method;
+    std::vector<Candidate> candidates{
+        {Isometry3d(Eigen::Translation3d(2.0, 0.0, 0.0)), {}},  // the CT moves away
+        {Isometry3d(Eigen::Translation3d(-2.0, 0.0, 0.0)), {}}};
+    similarity.asked = 0;
+    registration::climb(similarity, {optimizer, 10.0, {}, 1}, field, candidates, run);
+    EXPECT_FALSE(candidates[0].has_value());
+    EXPECT_TRUE(
+        candidates[0].T_us_ct.isApprox(Isometry3d(Eigen::Translation3d(2.0, 0.0, 0.0)), 0.0));
+    EXPECT_GT(candidates[1].value, 0.9);
+    EXPECT_EQ(run.evaluations(), similarity.asked);
+  }
 }
 
 TEST(OptimumNear, IsThatToWhichThePoseLeadsWhateverIsHigherElsewhere) {
