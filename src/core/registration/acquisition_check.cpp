@@ -23,6 +23,18 @@ bool is_clear(const Comparison& comparison) {
   return comparison.ratio > kRatio && comparison.advantage > kAdvantage;
 }
 
+/// Whether a pose with errors is the optimum that `recorded` is without any. The climb has left it
+/// where the pose has moved further than errors make it move: wrong depths displace the whole
+/// field along the beams, a wrong sweep its ends only.
+bool is_same_optimum(const Candidate& with_errors, const Candidate& recorded, const BeamGrid& beams,
+                     const FieldPoints& field) {
+  constexpr double kSameMm = 4.0;  // as far as optima of a search are one
+  const Beam& middle = beams.beam(beams.frames / 2, beams.lines / 2);
+  const double depth_mm = (field.centre_us_mm() - middle.origin_mm).norm();
+  return field.distance_mm(with_errors.T_us_ct, recorded.T_us_ct) <=
+         kSameMm + std::abs(with_errors.errors.depth) * depth_mm;
+}
+
 /// Climbs over pose and errors near one pose.
 class ErrorClimbs {
  public:
@@ -90,6 +102,10 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
   const AcquisitionErrors sweep{0.0, most.sweep};
   const Candidate recorded = climbs.best({});
   const Candidate both = climbs.best(most);
+  const auto is_same = [&](const Candidate& with_errors) {
+    return is_same_optimum(with_errors, recorded, images.ultrasound().beams, field);
+  };
+  if (!is_same(both)) return AcquisitionCheck{{}, recorded.T_us_ct, 1.0, 0.0};
   const Comparison gain = climbs.compare(both, recorded);
   // An error may take up what the other one leaves over. It does not count where the ultrasound
   // fits about as well without it.
@@ -97,7 +113,7 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
   if (is_clear(gain))
     for (const AcquisitionErrors& one : {depth, sweep}) {
       const Candidate alone = climbs.best(one);
-      if (is_clear(climbs.compare(both, alone))) continue;
+      if (!is_same(alone) || is_clear(climbs.compare(both, alone))) continue;
       if (!simpler || alone.value > simpler->value) simpler = alone;
     }
   const Candidate best = simpler.value_or(both);
