@@ -100,6 +100,19 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
       needs_beams(options));
 }
 
+/// The similarity of a level of the search. Where the field of view is larger than `kMostMm3`, it
+/// takes no more samples than fill that volume at the level's spacing, or a quarter of them.
+SimilarityOptions similarity_of(const LevelOptions& level, const BeamUltrasound& us) {
+  // Twice the usual field of a kidney. More samples take longer, and find the same pose.
+  constexpr double kMostMm3 = 2.4e6;
+  if (!level.spacing_mm) return level.similarity;
+  const double most = kMostMm3 / std::pow(*level.spacing_mm, 3);
+  const auto known = static_cast<double>(std::count(us.known.begin(), us.known.end(), 1));
+  return on_samples(level.similarity, known <= most         ? SampleSubset::kAll
+                                      : known <= 2.0 * most ? SampleSubset::kHalf
+                                                            : SampleSubset::kQuarter);
+}
+
 /// A similarity on the images, or the reason why there is none.
 Outcome<Level> level_on(std::shared_ptr<SimilarityImages> images,
                         const SimilarityOptions& similarity) {
@@ -226,13 +239,14 @@ Outcome<ImagePyramid> prepare(const BeamUltrasound& ultrasound, const PreparedCt
         ct, pyramid.in_reach.region, steps_of(levels, ct.ct().grid), options, run.check());
     for (std::size_t i = 0; i < levels.size(); ++i) {
       run.check_cancelled();
-      Outcome<Level> level =
-          level_on(images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options),
-                   levels[i].similarity);
+      std::shared_ptr<SimilarityImages> of_level =
+          images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options);
+      const SimilarityOptions similarity = similarity_of(levels[i], of_level->ultrasound());
+      Outcome<Level> level = level_on(std::move(of_level), similarity);
       if (!level) return level.refusal();
       if (levels[i].screened)
-        level->screening = make_similarity(
-            *level->images, on_samples(levels[i].similarity, SampleSubset::kQuarter));
+        level->screening =
+            make_similarity(*level->images, on_samples(similarity, SampleSubset::kQuarter));
       pyramid.levels.push_back(std::move(*level));
     }
     return pyramid;

@@ -1,5 +1,6 @@
 #include "us_ct_registration/similarity/catalogue.h"
 
+#include <algorithm>
 #include <optional>
 
 #include "us_ct_registration/error.h"
@@ -45,12 +46,11 @@ SimilarityNeeds needs_of(const SimilarityOptions& options) {
 }
 
 SimilarityOptions on_samples(SimilarityOptions options, SampleSubset samples) {
-  if (samples == SampleSubset::kAll) return options;
   std::visit(
       [&](auto& metric) {
         using Metric = std::decay_t<decltype(metric)>;
         if constexpr (!std::is_same_v<Metric, SimulatedLc2Options>)
-          metric.patches.samples = samples;
+          metric.patches.samples = std::max(metric.patches.samples, samples);  // fewest last
       },
       options);
   return options;

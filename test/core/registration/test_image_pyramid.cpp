@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/registration/registration_cases.h"
+#include "core/similarity/patch_scenes.h"
 #include "registration/ct_averages.h"
 #include "registration/image_pyramid.h"
 #include "us_ct_registration/error.h"
@@ -53,6 +54,54 @@ TEST(ImagePyramid, ARefinementOnTheDecidingSpacingFindsWhatItWouldFindOnImagesOf
             .mean_mm;
     EXPECT_LT(apart_mm, 0.1);
   }
+}
+
+/// Noise in a cube of `edge` samples along each axis, 2 mm apart, and a CT around it.
+RegistrationCase cube_of(int edge) {
+  RegistrationCase images;
+  BeamGrid beams = downward_beams(edge, edge, edge);
+  beams.axial.spacing_mm = 2.0;
+  for (Beam& beam : beams.beams) beam.origin_mm *= 2.0;
+  images.us = noisy_ultrasound(beams);
+  const Volume<float> waves = wavy_ct(oblique_grid({64, 64, 64}, {4.0, 4.0, 4.0}));
+  images.ct.grid = waves.grid;
+  images.ct.voxels.assign(waves.voxels.begin(), waves.voxels.end());
+  return images;
+}
+
+/// 2.4 litres are 300,000 samples at 2 mm, and 37,500 at 4 mm.
+TEST(ImagePyramid, ALargeFieldOfViewTakesFewerSamples) {
+  const RegistrationOptions options = parse_registration_options(
+      "preset: patient\nconditioning_spacing_mm: 2\n"
+      "conditioning: {depth: {automatic: false}, no_contact_share: 0, shadow_share: 0}\n",
+      "test");
+  const RegistrationHooks hooks;
+  const auto subsets_of = [&](int edge) {
+    const RegistrationCase images = cube_of(edge);
+    registration::Run run(hooks);
+    const auto pyramid = registration::prepare(images.us, PreparedCt(images.ct),
+                                               Eigen::Isometry3d::Identity(), options, run);
+    EXPECT_TRUE(pyramid);
+    std::vector<SampleSubset> subsets;
+    const SimilarityPose pose{Eigen::Isometry3d(Eigen::Translation3d(1.0, 2.0, 3.0)), {}};
+    for (std::size_t i = 0; i < pyramid->levels.size(); ++i)
+      for (const SampleSubset subset :
+           {SampleSubset::kAll, SampleSubset::kHalf, SampleSubset::kQuarter}) {
+        const SimilarityOptions similarity =
+            on_samples(options.search.levels[i].similarity, subset);
+        if (make_similarity(*pyramid->levels[i].images, similarity)->evaluate(pose).value ==
+            pyramid->levels[i].similarity->evaluate(pose).value) {
+          subsets.push_back(std::get<JointCorrelationRatioOptions>(similarity).patches.samples);
+          break;
+        }
+      }
+    return subsets;
+  };
+  using Subsets = std::vector<SampleSubset>;
+  const auto all = SampleSubset::kAll, half = SampleSubset::kHalf, quarter = SampleSubset::kQuarter;
+  EXPECT_EQ(subsets_of(60), (Subsets{half, all}));         // 1.7 litres, as the options say
+  EXPECT_EQ(subsets_of(76), (Subsets{half, half}));        // 3.5 litres
+  EXPECT_EQ(subsets_of(90), (Subsets{quarter, quarter}));  // 5.8 litres
 }
 
 TEST(ImagePyramid, OptionsForParallelBeamsRefuseOthers) {

@@ -594,6 +594,11 @@ TEST(Catalogue, AMetricTakesASubsetOfTheSamplesOfItsPatches) {
     // A similarity that takes half of the samples already takes no more.
     half = on_samples(half, SampleSubset::kAll);
     EXPECT_EQ(patches_of(half), expected) << similarity_name(options);
+    SimilarityOptions quarter = on_samples(half, SampleSubset::kQuarter);
+    expected.samples = SampleSubset::kQuarter;
+    EXPECT_EQ(patches_of(quarter), expected) << similarity_name(options);
+    quarter = on_samples(quarter, SampleSubset::kHalf);
+    EXPECT_EQ(patches_of(quarter), expected) << similarity_name(options);
   }
   const SimilarityOptions simulated = SimulatedLc2Options{};
   EXPECT_EQ(on_samples(simulated, SampleSubset::kHalf).index(), simulated.index());
