@@ -100,8 +100,8 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
       needs_beams(options));
 }
 
-/// The similarity of a level of the search. Where the field of view is larger than `kMostMm3`, it
-/// takes no more samples than fill that volume at the level's spacing, or a quarter of them.
+/// The similarity of a level of the search. In a field of view larger than `kMostMm3` it takes half
+/// or a quarter of the samples: the most that fill no more than that volume at the level's spacing.
 SimilarityOptions similarity_of(const LevelOptions& level, const BeamUltrasound& us) {
   // Twice the usual field of a kidney. More samples take longer, and find the same pose.
   constexpr double kMostMm3 = 2.4e6;
