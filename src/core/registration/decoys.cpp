@@ -46,7 +46,7 @@ Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
 /// The mirrored similarities of decoys, and the problems of searching with them.
 class DecoyProblems {
  public:
-  /// What they refer to must outlive them.
+  /// The similarities, options and field of `problem` must outlive the object.
   DecoyProblems(const std::vector<Decoy>& decoys, const SearchProblem& problem,
                 const Isometry3d& T_us_ct_found) {
     for (const Decoy& decoy : decoys) {
