@@ -43,6 +43,23 @@ Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
   }
 }
 
+/// The middle of a kidney lies up to so far from that of the field: mirrored in a plane through its
+/// own middle, it lies up to twice as far beside where the search would look for it.
+constexpr double kMiddleOfAnatomyMm = 10.0;
+
+/// Mirrored CTs share the climbs of so many searches.
+constexpr int kMirroredCtSearches = 2;
+
+/// Translations along the normal of the plane in which a CT is mirrored; none for ultrasound.
+std::vector<Vector3d> start_shifts_us_mm(const Decoy& decoy) {
+  if (!is_of_ct(decoy.mirror)) return {};
+  const Matrix3d along_normal = Matrix3d::Identity() - decoy.T_mirror.linear();  // 2 n n^T
+  Matrix3d::Index axis = 0;
+  along_normal.diagonal().maxCoeff(&axis);
+  const Vector3d shift = 2.0 * kMiddleOfAnatomyMm * along_normal.col(axis).normalized();
+  return {shift, -shift};
+}
+
 /// The mirrored similarities of decoys, and the problems of searching with them.
 class DecoyProblems {
  public:
@@ -59,7 +76,7 @@ class DecoyProblems {
         similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
       // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
       all_.push_back({std::move(similarities), problem.options, problem.T_us_ct_initial,
-                      problem.field, problem.seed, T_us_ct_found});
+                      problem.field, problem.seed, T_us_ct_found, start_shifts_us_mm(decoy)});
     }
   }
   const std::vector<SearchProblem>& all() const { return all_; }
@@ -81,6 +98,10 @@ void climb_from(const Isometry3d& T_us_ct_found, const std::vector<SearchProblem
 }
 
 }  // namespace
+
+bool is_of_ct(Mirror mirror) {
+  return mirror != Mirror::kLines && mirror != Mirror::kFrames && mirror != Mirror::kHalfTurn;
+}
 
 Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centre_us_mm) {
   const FieldAxes axes = field_axes(beams);
@@ -133,8 +154,10 @@ std::vector<Decoy> searched_further(std::vector<Decoy> decoys, const SearchProbl
   if (round > 0) climb_from(T_us_ct_found, problems.all(), decoys, run);
   std::vector<std::vector<Candidate>> optima;
   for (Decoy& decoy : decoys) optima.push_back(std::move(decoy.optima));
+  std::optional<int> competing_for;
+  if (is_of_ct(decoys.front().mirror)) competing_for = kMirroredCtSearches;
   for (; round < rounds; ++round)
-    optima = multi_start(problems.all(), round, std::move(optima), run);
+    optima = multi_start(problems.all(), round, std::move(optima), run, competing_for);
   for (std::size_t i = 0; i < decoys.size(); ++i) {
     decoys[i].rounds = round;
     decoys[i].optima = std::move(optima[i]);

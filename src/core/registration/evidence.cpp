@@ -70,14 +70,26 @@ bool is_beyond_doubt(const Measures& measures, double limit) {
   // With mirrored CTs of nearly symmetric kidneys that left no other doubt, blocks have agreed by
   // 0.33 to 0.36. They agree by less than 0.4 at one in twelve right poses that leave none.
   constexpr double kLeastAgreement = 0.4;
-  // A CT with exchanged axes fitted no better than its mirror image, 0.99 and 1.00 times as well,
-  // and left no other doubt. Right poses that leave none fit 1.07 times as well or better.
-  constexpr double kLeastMirrorRatio = 1.05;
+  // Where a mirror image fits almost as well, the anatomy in view is nearly symmetric, and a
+  // mirrored CT would fit as well.
+  constexpr double kLeastMirrorRatio = 1.3;
   const std::optional<double>& wrong = measures.wrong_probability;
   const std::optional<double>& agreement = measures.local_agreement;
   const std::optional<double>& mirror = measures.mirror_ratio;
   return wrong && *wrong <= kShareOfLimit * limit && agreement && *agreement >= kLeastAgreement &&
          mirror && *mirror >= kLeastMirrorRatio;
+}
+
+std::optional<Measures> doubted_for_mirrored_ct(const Measures& measures, double ratio,
+                                                double advantage) {
+  Measures doubted = measures;
+  doubted.mirror_ratio = ratio;
+  doubted.mirror_advantage = advantage;
+  // Blocks have agreed more at a pose in a CT with exchanged axes than at the right one.
+  doubted.mirror_agreement.reset();
+  set_wrong_probability(doubted);
+  if (doubted.wrong_probability <= measures.wrong_probability) return std::nullopt;
+  return doubted;
 }
 
 /// Compares poses with the best one patch by patch, by a similarity that did not choose it.
@@ -139,7 +151,6 @@ void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
   set_wrong_probability(measures);
   if (ct_is_known_ || !is_accepted(measures) || is_beyond_doubt(assessment)) return;
   compare_with_mirrored_ct(best, assessment, run);
-  set_wrong_probability(measures);
 }
 
 void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison& patches,
@@ -261,23 +272,21 @@ void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& mea
 
 void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) {
   const PatchComparison patches(in_.images, in_.options, best);
-  Measures& measures = assessment.measures;
-  std::optional<Decoy> better;
   mirrored_ct_ = mirrored_ct_ ? searched_further(*std::move(mirrored_ct_), in_.problem,
                                                  best.T_us_ct, decoy_rounds_, run)
                               : search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction,
                                                    decoy_rounds_, run);
+  const Measures without = assessment.measures;
+  double most = best.value;
   for (const Decoy& decoy : *mirrored_ct_) {
-    if (!(decoy.best.value > (better ? better->best : best).value)) continue;
-    const double advantage = patches.advantage_over(decoy.best, decoy.T_mirror);
-    if (!(advantage < 0.0)) continue;
-    better = decoy;
-    measures.mirror_advantage = advantage;
+    if (!(decoy.best.value > most)) continue;
+    const std::optional<Measures> doubted = doubted_for_mirrored_ct(
+        without, times(best, decoy.best.value), patches.advantage_over(decoy.best, decoy.T_mirror));
+    if (!doubted) continue;
+    most = decoy.best.value;
+    assessment.measures = *doubted;
+    assessment.best_mirror = decoy.mirror;
   }
-  if (!better) return;
-  assessment.best_mirror = better->mirror;
-  measures.mirror_ratio = times(best, better->best.value);
-  if (measures.mirror_agreement) compare_agreement({*better}, measures, run);
 }
 
 }  // namespace usct::registration

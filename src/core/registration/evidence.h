@@ -37,6 +37,12 @@ struct EvidenceInput {
 /// it must fit better than its mirror images.
 bool is_beyond_doubt(const Measures& measures, double limit);
 
+/// The measures of a pose whose best mirror image is a mirrored CT with more similarity: the pose
+/// has `ratio` times its similarity and `advantage` over it. Unset if the pose is no less probable
+/// for that.
+std::optional<Measures> doubted_for_mirrored_ct(const Measures& measures, double ratio,
+                                                double advantage);
+
 /// Gathers the evidence on one set of images.
 class Evidence {
  public:
@@ -90,7 +96,8 @@ class Evidence {
   SimilarityImages& images_for(const Measures& measures);
   /// The local agreement of decoys, if it is more than that of others so far.
   void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run);
-  /// A mirrored CT that fits better, as a whole and patch by patch, is the best mirror.
+  /// A mirrored CT that fits better as a whole is compared with as mirrored ultrasound is. Of those
+  /// that leave the pose less probable the most similar one is the best mirror.
   void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run);
 
   const EvidenceInput in_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "registration/candidates.h"
@@ -23,6 +24,8 @@ struct SearchProblem {
   std::uint32_t seed;
   /// A pose from which the first round climbs at every level, whatever its rank there.
   Eigen::Isometry3d T_us_ct_given = T_us_ct_initial;
+  /// Each start is tried moved by each of these translations too, US frame.
+  std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
 };
 
 /// One round of the search; `round` counts from 0. Returns the optima of the deciding level
@@ -30,12 +33,15 @@ struct SearchProblem {
 std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
                                    std::vector<Candidate> found, Run& run);
 
-/// The same for problems that differ in their similarities and given poses only, all at once:
-/// threads share their climbs. An entry of `found` and of the result for each problem.
+/// The same for problems that differ in their similarities, given poses and shifts only, all at
+/// once: threads share their climbs. An entry of `found` and of the result for each problem.
+///
+/// Each problem chooses among its own candidates, unless all compete: then each level takes and
+/// hands on the best of all, as many as so many searches by themselves would.
 std::vector<std::vector<Candidate>> multi_start(const std::vector<SearchProblem>& problems,
                                                 int round,
-                                                std::vector<std::vector<Candidate>> found,
-                                                Run& run);
+                                                std::vector<std::vector<Candidate>> found, Run& run,
+                                                std::optional<int> competing_for = {});
 
 /// For each of such problems the optimum of the deciding level that a pose leads to, at most
 /// `reach_mm` away.

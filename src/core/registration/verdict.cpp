@@ -5,6 +5,7 @@
 #include <string>
 
 #include "registration/acquisition_check.h"
+#include "registration/decoys.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct::registration {
@@ -36,10 +37,6 @@ std::string mirrored_words(Mirror mirror) {
   return "";
 }
 
-bool is_of_ct(Mirror mirror) {
-  return mirror != Mirror::kLines && mirror != Mirror::kFrames && mirror != Mirror::kHalfTurn;
-}
-
 /// Whether mirrored ultrasound is clearly better, which names the fault.
 bool is_mirrored(const Measures& m) { return *m.mirror_ratio < 1.0 && *m.mirror_advantage < 0.0; }
 
@@ -54,10 +51,14 @@ std::string mirror_words(const Assessment& assessment) {
                 ? "the order and the directions of the axes in the CT's file"
                 : "which way round the probe was held, the order of lines and frames in the file, "
                   "and whether the CT is mirrored");
-  return "the ultrasound fits the CT almost as well with " + which + " (the found pose has " +
-         number(*m.mirror_ratio) +
-         " times that similarity): the anatomy in view is nearly symmetric, or the CT is not of "
-         "this patient; a larger field of view would help";
+  const std::string alike = "the ultrasound fits the CT about as well with " + which +
+                            " (the found pose has " + number(*m.mirror_ratio) +
+                            " times that similarity): the anatomy in view is nearly symmetric, ";
+  if (is_of_ct(*assessment.best_mirror))
+    return alike +
+           "so that it does not show which way the axes of the CT run; check their order and "
+           "directions in the CT's file, or acquire a larger field of view";
+  return alike + "or the CT is not of this patient; a larger field of view would help";
 }
 
 std::string chance_words(const Measures& m) {

@@ -224,6 +224,21 @@ TEST(SearchMirroredCt, EachFindsThePoseOfItsOwnMirror) {
   }
 }
 
+/// The CT is mirrored in a plane through the middle of the field. If the anatomy lies beside it, so
+/// does the pose, twice as far, beyond what is searched for ultrasound.
+TEST(SearchMirroredCt, LooksBesideTheMiddleOfTheField) {
+  const Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  for (const double sign : {1.0, -1.0}) {
+    const Isometry3d beside(Eigen::Translation3d(sign * 40.0, 2.0, -3.0));
+    const Isometry3d motion = registration::ct_mirror_of(
+        Mirror::kCtAxis1, axes, Isometry3d::Identity(), cube_field().centre_us_mm());
+    Searched searched({{motion * beside, 1.0, 3.0}});
+    const std::vector<Decoy> mirrored_ct = searched.of_mirrored_ct(Isometry3d::Identity(), axes);
+    ASSERT_EQ(mirrored_ct.front().mirror, Mirror::kCtAxis1);
+    EXPECT_LT(searched.distance_mm(mirrored_ct.front().best.T_us_ct, beside), 1.0);
+  }
+}
+
 TEST(SearchDecoys, ThoseWithoutAnyValueAreLeftOut) {
   EXPECT_TRUE(Searched({}).decoys(NoSimilarity(), Isometry3d::Identity()).empty());
 }

@@ -52,6 +52,11 @@ class MultiStarted {
   std::vector<Candidate> round(int round, std::vector<Candidate> found = {}) {
     return registration::multi_start(problem(), round, std::move(found), run_);
   }
+  std::vector<std::vector<Candidate>> search(const std::vector<SearchProblem>& problems,
+                                             std::optional<int> competing_for = {}) {
+    return registration::multi_start(
+        problems, 0, std::vector<std::vector<Candidate>>(problems.size()), run_, competing_for);
+  }
   Candidate optimum_near(const Isometry3d& T_us_ct, double reach_mm) {
     return registration::optimum_near(problem(), T_us_ct, reach_mm, run_);
   }
@@ -175,6 +180,50 @@ TEST(MultiStart, EachRoundHasStartsOfItsOwn) {
   std::set<double> different;
   for (const Eigen::Vector3d& place : screening.asked) different.insert(place.x());
   EXPECT_EQ(different.size(), 3 * count);
+}
+
+TEST(MultiStart, StartsAreMovedByEachShiftToo) {
+  SearchOptions options = two_levels();
+  options.levels.resize(1);
+  options.levels[0].screened = options.levels[0].optimised;
+  const PeaksSimilarity low(cube_field(), {{kLow, 1.0, 20.0}});
+  const Noting screening(low);
+  MultiStarted searched({{kLow, 1.0, 20.0}}, options);
+  searched.screen_by(screening);
+  SearchProblem problem = searched.problem();
+  const Vector3d shift_us_mm(20.0, -3.0, 5.0);
+  problem.start_shifts_us_mm = {shift_us_mm, -shift_us_mm};
+  searched.search({problem});
+  const auto count = static_cast<std::size_t>(options.starts->count);
+  ASSERT_EQ(screening.asked.size(), 3 * count);
+  // The first start is the initial pose, the identity.
+  EXPECT_TRUE(screening.asked[0].isZero());
+  EXPECT_TRUE(screening.asked[count].isApprox(-shift_us_mm));  // T_ct_us
+  EXPECT_TRUE(screening.asked[2 * count].isApprox(shift_us_mm));
+}
+
+/// Of problems that compete the best candidates of all are climbed from: as many as one search
+/// takes, wherever they are.
+TEST(MultiStart, ProblemsThatCompeteShareTheClimbs) {
+  const FieldPoints field = cube_field();
+  const PeaksSimilarity high(field, {{kHigh, 1.0, 12.0}});
+  const PeaksSimilarity low(field, {{kLow, 0.01, 12.0}});
+  MultiStarted searched({}, two_levels());
+  std::vector<SearchProblem> problems(2, searched.problem());
+  for (std::size_t level = 0; level < 2; ++level) {
+    problems[0].similarities[level].all = &low;
+    problems[1].similarities[level].all = &high;
+  }
+  const auto apart = searched.search(problems);
+  EXPECT_LT(searched.distance_mm(apart[0].front(), kLow), 0.2);
+  EXPECT_LT(searched.distance_mm(apart[1].front(), kHigh), 0.2);
+  const int evaluations_apart = searched.evaluations();
+  const auto together = searched.search(problems, 1);
+  EXPECT_LT(searched.distance_mm(together[1].front(), kHigh), 0.2);
+  EXPECT_LT(searched.evaluations() - evaluations_apart, evaluations_apart);
+  // The problem without a place still climbs from the given pose.
+  ASSERT_FALSE(together[0].empty());
+  EXPECT_LE(together[0].size(), apart[0].size());
 }
 
 TEST(MultiStart, FewCandidatesAreNotScreened) {

@@ -102,7 +102,7 @@ TEST(Verdict, AMirroredUltrasoundThatFitsBetterIsNamed) {
 TEST(Verdict, AnAnatomyThatIsNearlySymmetricIsNotCalledMirrored) {
   for (const Assessment& assessment :
        {mirrored(Mirror::kFrames, 1.02, -2.0), mirrored(Mirror::kFrames, 0.95, 0.2)})
-    expect_named(assessment, {"almost as well with its frames in reverse order", "symmetric"});
+    expect_named(assessment, {"about as well with its frames in reverse order", "symmetric"});
 }
 
 TEST(Verdict, ARivalIsToldFromChance) {
