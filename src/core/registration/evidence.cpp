@@ -147,7 +147,7 @@ void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
   at_best.mirror_agreement = -1.0;  // no agreement at all
   set_wrong_probability(at_best);
   if (!is_accepted(at_best)) return;
-  compare_agreement(*decoys_, measures, run);
+  compare_agreement(measures, run);
   set_wrong_probability(measures);
   if (ct_is_known_ || !is_accepted(measures) || is_beyond_doubt(assessment)) return;
   compare_with_mirrored_ct(best, assessment, run);
@@ -255,7 +255,7 @@ void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretc
   measures.error_bound_mm = error.bound_factor * expected_mm;
 }
 
-void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run) {
+void Evidence::compare_agreement(Measures& measures, Run& run) {
   SimilarityImages& images = images_for(measures);
   const auto fitted = make_similarity(images, in_.options.ridge_similarity);
   const auto asked = make_similarity(images, in_.options.similarity);
@@ -264,10 +264,8 @@ void Evidence::compare_agreement(const std::vector<Decoy>& decoys, Measures& mea
   AcquisitionErrors errors;
   if (shows_wrong_sweep_alone(measures))
     errors.sweep = most_errors(in_.options.ridge_similarity).sweep;
-  const std::optional<double> most =
-      mirror_agreement(decoys, *fitted, *asked, in_.options.parts, errors,
-                       agreement_options(in_, field()), field(), run);
-  if (most) measures.mirror_agreement = std::max(measures.mirror_agreement.value_or(*most), *most);
+  measures.mirror_agreement = mirror_agreement(*decoys_, *fitted, *asked, in_.options.parts, errors,
+                                               agreement_options(in_, field()), field(), run);
 }
 
 void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) {

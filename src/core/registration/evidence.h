@@ -94,8 +94,7 @@ class Evidence {
   Candidate estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
   /// The deciding images; with beams if they are looked at with a wrong sweep that they show.
   SimilarityImages& images_for(const Measures& measures);
-  /// The local agreement of decoys, if it is more than that of others so far.
-  void compare_agreement(const std::vector<Decoy>& decoys, Measures& measures, Run& run);
+  void compare_agreement(Measures& measures, Run& run);
   /// A mirrored CT that fits better as a whole is compared with as mirrored ultrasound is. Of those
   /// that leave the pose less probable the most similar one is the best mirror.
   void compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run);
