@@ -24,10 +24,11 @@ std::vector<Candidate> starts_of(const SearchProblem& problem, int round) {
   std::vector<Candidate> candidates;
   for (auto i = static_cast<std::size_t>(first); i < vectors.size(); ++i)
     candidates.push_back({pose.T_us_ct(vectors[i]), {}});
-  const std::size_t unmoved = candidates.size();
-  for (const Eigen::Vector3d& shift_us_mm : problem.start_shifts_us_mm)
-    for (std::size_t i = 0; i < unmoved; ++i)
-      candidates.push_back({Eigen::Translation3d(shift_us_mm) * candidates[i].T_us_ct, {}});
+  const std::vector<Eigen::Vector3d>& shifts = problem.start_shifts_us_mm;
+  const std::size_t unmoved = shifts.empty() ? 0 : candidates.size();
+  for (std::size_t i = 0; i < unmoved; ++i)
+    candidates.push_back(
+        {Eigen::Translation3d(shifts[i % shifts.size()]) * candidates[i].T_us_ct, {}});
   return candidates;
 }
 

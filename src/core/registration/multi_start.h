@@ -24,7 +24,7 @@ struct SearchProblem {
   std::uint32_t seed;
   /// A pose from which the first round climbs at every level, whatever its rank there.
   Eigen::Isometry3d T_us_ct_given = T_us_ct_initial;
-  /// Each start is tried moved by each of these translations too, US frame.
+  /// Each start is tried moved by one of these translations too, which take turns; US frame.
   std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
 };
 
