@@ -124,9 +124,11 @@ Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Cand
   measure_pose(optima.front(), refined, compared.measures);
   if (!gathers()) return compared;
   if (gathers_own()) {
+    const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
     own_.check(refined, compared, run);
     // Evidence that takes long is not worth it for a pose in doubt if the registration goes on.
-    if (!may_go_on_as_patient(options_)) own_.settle(optima.front(), compared, run);
+    if (!may_go_on_as_patient(options_) || is_beyond_doubt(compared.measures, *limit))
+      own_.settle(optima.front(), compared, run);
     return compared;
   }
   const std::optional<Refusal> refusal = assess_as_patient(refined, compared, run);

@@ -70,14 +70,21 @@ bool is_beyond_doubt(const Measures& measures, double limit) {
   // With mirrored CTs of nearly symmetric kidneys that left no other doubt, blocks have agreed by
   // 0.33 to 0.36. They agree by less than 0.4 at one in twelve right poses that leave none.
   constexpr double kLeastAgreement = 0.4;
-  // Where a mirror image fits almost as well, the anatomy in view is nearly symmetric, and a
-  // mirrored CT would fit as well.
-  constexpr double kLeastMirrorRatio = 1.3;
+  // A CT with exchanged axes fitted no better than its mirror image, 0.99 and 1.00 times as well,
+  // and left no other doubt. Right poses that leave none fit 1.06 times as well or better.
+  constexpr double kLeastMirrorRatio = 1.05;
   const std::optional<double>& wrong = measures.wrong_probability;
   const std::optional<double>& agreement = measures.local_agreement;
   const std::optional<double>& mirror = measures.mirror_ratio;
   return wrong && *wrong <= kShareOfLimit * limit && agreement && *agreement >= kLeastAgreement &&
          mirror && *mirror >= kLeastMirrorRatio;
+}
+
+bool may_be_in_mirrored_ct(const Measures& measures, double limit) {
+  // Where a mirror image fits almost as well, the anatomy in view is nearly symmetric, and fits a
+  // mirrored CT as well.
+  constexpr double kAlmostAsWell = 1.3;
+  return !is_beyond_doubt(measures, limit) || *measures.mirror_ratio < kAlmostAsWell;
 }
 
 std::optional<Measures> doubted_for_mirrored_ct(const Measures& measures, double ratio,
@@ -132,25 +139,22 @@ void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run)
 
 bool Evidence::is_accepted(const Measures& measures) const {
   const std::optional<double>& wrong = measures.wrong_probability;
-  return wrong && *wrong <= *in_.options.gates.max_wrong_probability;
-}
-
-bool Evidence::is_beyond_doubt(const Assessment& assessment) const {
-  return registration::is_beyond_doubt(assessment.measures,
-                                       *in_.options.gates.max_wrong_probability);
+  return wrong && *wrong <= limit();
 }
 
 void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
-  if (!decoys_ || is_beyond_doubt(assessment)) return;
+  if (!decoys_) return;
   Measures& measures = assessment.measures;
-  Measures at_best = measures;
-  at_best.mirror_agreement = -1.0;  // no agreement at all
-  set_wrong_probability(at_best);
-  if (!is_accepted(at_best)) return;
-  compare_agreement(measures, run);
-  set_wrong_probability(measures);
-  if (ct_is_known_ || !is_accepted(measures) || is_beyond_doubt(assessment)) return;
-  compare_with_mirrored_ct(best, assessment, run);
+  if (!is_beyond_doubt(measures, limit())) {
+    Measures at_best = measures;
+    at_best.mirror_agreement = -1.0;  // no agreement at all
+    set_wrong_probability(at_best);
+    if (!is_accepted(at_best)) return;
+    compare_agreement(measures, run);
+    set_wrong_probability(measures);
+  }
+  if (!ct_is_known_ && is_accepted(measures) && may_be_in_mirrored_ct(measures, limit()))
+    compare_with_mirrored_ct(best, assessment, run);
 }
 
 void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison& patches,

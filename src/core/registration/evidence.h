@@ -31,11 +31,15 @@ struct EvidenceInput {
   const ConfidenceOptions& options;
 };
 
-/// Whether a pose is accepted without evidence that takes long: the agreement of mirror images, and
-/// mirrored CTs. Its `wrong_probability` must be far below `limit`, its blocks must agree more than
-/// those of most mirrored CTs of nearly symmetric kidneys, where other evidence says nothing, and
-/// it must fit better than its mirror images.
+/// Whether a pose is accepted without the agreement of mirror images, which takes long. Its
+/// `wrong_probability` must be far below `limit`, its blocks must agree more than those of most
+/// mirrored CTs of nearly symmetric kidneys, where other evidence says nothing, and it must fit
+/// better than its mirror images.
 bool is_beyond_doubt(const Measures& measures, double limit);
+
+/// Whether a pose is compared with mirrored CTs before it is accepted: it is not beyond doubt, or a
+/// mirror image of the ultrasound fits almost as well.
+bool may_be_in_mirrored_ct(const Measures& measures, double limit);
 
 /// The measures of a pose whose best mirror image is a mirrored CT with more similarity: the pose
 /// has `ratio` times its similarity and `advantage` over it. Unset if the pose is no less probable
@@ -80,8 +84,8 @@ class Evidence {
                            Assessment& result, Run& run);
   void compare_with_rivals(const std::vector<Candidate>& optima, const PatchComparison& patches,
                            Measures& measures) const;
+  double limit() const { return *in_.options.gates.max_wrong_probability; }
   bool is_accepted(const Measures& measures) const;
-  bool is_beyond_doubt(const Assessment& assessment) const;
   void compare_clusters(const Candidate& pose, Measures& measures, Run& run);
   std::vector<HalfPoses> compare_parts(const Candidate& refined, Measures& measures,
                                        Run& run) const;

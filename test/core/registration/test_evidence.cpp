@@ -7,10 +7,11 @@ namespace {
 
 using registration::doubted_for_mirrored_ct;
 using registration::is_beyond_doubt;
+using registration::may_be_in_mirrored_ct;
 
 constexpr double kPresetLimit = 0.3;
 
-Measures measures(double wrong_probability, double local_agreement, double mirror_ratio = 1.35) {
+Measures measures(double wrong_probability, double local_agreement, double mirror_ratio = 1.3) {
   Measures of_pose;
   of_pose.mirror_ratio = mirror_ratio;
   of_pose.wrong_probability = wrong_probability;
@@ -28,11 +29,20 @@ TEST(BeyondDoubt, NotIfBlocksAgreeHalfway) {
   EXPECT_FALSE(is_beyond_doubt(measures(0.024, 0.333), kPresetLimit));
 }
 
-/// Others fitted their mirror images almost as well.
-TEST(BeyondDoubt, NotIfAMirrorImageFitsAlmostAsWell) {
+/// Another one fitted its mirror image as well, in two trials.
+TEST(BeyondDoubt, NotIfAMirrorImageFitsAsWell) {
   EXPECT_FALSE(is_beyond_doubt(measures(0.027, 0.483, 0.994), kPresetLimit));
-  EXPECT_FALSE(is_beyond_doubt(measures(0.022, 0.449, 1.054), kPresetLimit));
-  EXPECT_FALSE(is_beyond_doubt(measures(0.018, 0.474, 1.251), kPresetLimit));
+  EXPECT_FALSE(is_beyond_doubt(measures(0.026, 0.483, 1.002), kPresetLimit));
+}
+
+/// Others fitted their mirror images almost as well, and were beyond doubt otherwise.
+TEST(MirroredCt, IsSearchedForWhereAMirrorImageFitsAlmostAsWell) {
+  for (const double ratio : {1.054, 1.251}) {
+    EXPECT_TRUE(is_beyond_doubt(measures(0.022, 0.449, ratio), kPresetLimit));
+    EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.449, ratio), kPresetLimit));
+  }
+  EXPECT_FALSE(may_be_in_mirrored_ct(measures(0.022, 0.449, 1.5), kPresetLimit));
+  EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.04, 0.449, 1.5), kPresetLimit));
 }
 
 TEST(BeyondDoubt, NotWithoutEvidence) {
