@@ -86,7 +86,7 @@ SimilarityImages with_beams(const SimilarityImages& images) {
           true, images.backend()};
 }
 
-std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_ct,
+std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
                                                   const SimilarityImages& images,
                                                   const SimilarityOptions& similarity,
                                                   const ConfidenceOptions& options,
@@ -96,11 +96,13 @@ std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_
   const std::shared_ptr<const Similarity> stretched =
       make_similarity(along_beams, on_samples(similarity, SampleSubset::kHalf));
   if (!stretched) return std::nullopt;
-  const ErrorClimbs climbs(*stretched, {T_us_ct, {}}, options, field, run);
+  const ErrorClimbs climbs(*stretched, {judged.T_us_ct, {}}, options, field, run);
   const AcquisitionErrors most = most_errors(similarity);
   const AcquisitionErrors depth{most.depth, 0.0};
   const AcquisitionErrors sweep{0.0, most.sweep};
   const Candidate recorded = climbs.best({});
+  if (!is_same_optimum(judged, recorded, images.ultrasound().beams, field))
+    return AcquisitionCheck{{}, judged.T_us_ct, 1.0, 0.0};
   const Candidate both = climbs.best(most);
   const auto is_same = [&](const Candidate& with_errors) {
     return is_same_optimum(with_errors, recorded, images.ultrasound().beams, field);

@@ -31,8 +31,10 @@ AcquisitionErrors most_errors(const SimilarityOptions& similarity);
 SimilarityImages with_beams(const SimilarityImages& images);
 
 /// Looks for errors within 15 % by climbs over pose and errors, by half of the samples of
-/// `similarity`. Unset if the ultrasound has nothing that the similarity could explain.
-std::optional<AcquisitionCheck> check_acquisition(const Eigen::Isometry3d& T_us_ct,
+/// `similarity`. The errors are those of the optimum that `judged` is: if it is none, or if the
+/// climb leaves it, there are none. Unset if the ultrasound has nothing that the similarity could
+/// explain.
+std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
                                                   const SimilarityImages& images,
                                                   const SimilarityOptions& similarity,
                                                   const ConfidenceOptions& options,

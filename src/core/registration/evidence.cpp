@@ -200,7 +200,7 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
 
 Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
   const std::optional<AcquisitionCheck> found = check_acquisition(
-      refined.T_us_ct, deciding_images(), in_.options.ridge_similarity, in_.options, field(), run);
+      refined, deciding_images(), in_.options.ridge_similarity, in_.options, field(), run);
   if (!found) return refined;
   if (!measures.depth_error) measures.depth_error = found->errors.depth;
   if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;

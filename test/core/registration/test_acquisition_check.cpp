@@ -40,8 +40,8 @@ class CheckedPoses : public testing::Test {
   Isometry3d beside(std::uint64_t seed, double displacement_mm) const {
     return random_motion(seed, points_, displacement_mm, 0.2);
   }
-  AcquisitionCheck check(const Isometry3d& T_us_ct) {
-    return *registration::check_acquisition(T_us_ct, images(), similarity_, options_,
+  AcquisitionCheck check(const Candidate& judged) {
+    return *registration::check_acquisition(judged, images(), similarity_, options_,
                                             FieldPoints(points_), run_);
   }
   /// Where the climbs of the check lead, whether that counts or not.
@@ -80,7 +80,8 @@ TEST_F(CheckedPoses, ErrorsAreThoseOfTheOptimumThatIsChecked) {
     const Isometry3d start = beside(seed, 12.0);
     const Candidate recorded = climbed(start, {});
     const Candidate with_errors = climbed(start, {0.15, 0.15});
-    const AcquisitionCheck found = check(start);
+    // An error of the depths displaces a pose, here as far as the climb without errors.
+    const AcquisitionCheck found = check({start, {1.0, 0.0}});
     const double moved_mm = distance_mm(with_errors.T_us_ct, recorded.T_us_ct);
     if (moved_mm > 10.0) {
       ++left;
@@ -97,6 +98,22 @@ TEST_F(CheckedPoses, ErrorsAreThoseOfTheOptimumThatIsChecked) {
   }
   EXPECT_GT(left, 0);
   EXPECT_GT(stayed, 50);
+}
+
+/// What a climb finds far from a pose speaks for another pose, with errors or without.
+TEST_F(CheckedPoses, APoseThatIsNoOptimumHasNoErrors) {
+  int far = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const Isometry3d start = beside(seed, 12.0);
+    if (distance_mm(climbed(start, {}).T_us_ct, start) < 5.0) continue;
+    ++far;
+    const AcquisitionCheck found = check({start, {}});
+    EXPECT_EQ(found.errors.depth, 0.0) << seed;
+    EXPECT_EQ(found.errors.sweep, 0.0) << seed;
+    EXPECT_EQ(found.ratio, 1.0) << seed;
+    EXPECT_LT(distance_mm(found.T_us_ct, start), 1e-6) << seed;
+  }
+  EXPECT_GT(far, 20);
 }
 
 }  // namespace
