@@ -81,8 +81,8 @@ bool is_beyond_doubt(const Measures& measures, double limit) {
 }
 
 bool may_be_in_mirrored_ct(const Measures& measures, double limit) {
-  // Where a mirror image fits almost as well, the anatomy in view is nearly symmetric, and fits a
-  // mirrored CT as well.
+  // If a mirror image fits almost as well, the anatomy in view is nearly symmetric: it then fits a
+  // mirrored CT almost as well too.
   constexpr double kAlmostAsWell = 1.3;
   return !is_beyond_doubt(measures, limit) || *measures.mirror_ratio < kAlmostAsWell;
 }
