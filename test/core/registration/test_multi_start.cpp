@@ -168,43 +168,45 @@ TEST(MultiStart, ScreeningChoosesTheStartsThatAreCompared) {
   EXPECT_EQ(screening.asked.size(), 1024U);
 }
 
-TEST(MultiStart, EachRoundHasStartsOfItsOwn) {
-  SearchOptions options = two_levels();
-  options.levels.resize(1);
-  options.levels[0].screened = options.levels[0].optimised;
-  const PeaksSimilarity low(cube_field(), {{kLow, 1.0, 20.0}});
-  const Noting screening(low);
-  MultiStarted searched({{kLow, 1.0, 20.0}}, options);
-  searched.screen_by(screening);
-  for (int round = 0; round < 3; ++round) searched.round(round);
-  const auto count = static_cast<std::size_t>(options.starts->count);
-  ASSERT_EQ(screening.asked.size(), 3 * count);
+/// A search of one level whose screening notes all starts.
+class NotedStarts : public testing::Test {
+ protected:
+  NotedStarts() { searched_.screen_by(screening_); }
+  static SearchOptions one_screened_level() {
+    SearchOptions options = two_levels();
+    options.levels.resize(1);
+    options.levels[0].screened = options.levels[0].optimised;
+    return options;
+  }
+
+  const SearchOptions options_ = one_screened_level();
+  const PeaksSimilarity low_{cube_field(), {{kLow, 1.0, 20.0}}};
+  const Noting screening_{low_};
+  MultiStarted searched_{{{kLow, 1.0, 20.0}}, options_};
+};
+
+TEST_F(NotedStarts, EachRoundHasStartsOfItsOwn) {
+  for (int round = 0; round < 3; ++round) searched_.round(round);
+  const auto count = static_cast<std::size_t>(options_.starts->count);
+  ASSERT_EQ(screening_.asked.size(), 3 * count);
   std::set<double> different;
-  for (const Eigen::Vector3d& place : screening.asked) different.insert(place.x());
+  for (const Eigen::Vector3d& place : screening_.asked) different.insert(place.x());
   EXPECT_EQ(different.size(), 3 * count);
 }
 
-TEST(MultiStart, StartsAreMovedByShiftsInTurnToo) {
-  SearchOptions options = two_levels();
-  options.levels.resize(1);
-  options.levels[0].screened = options.levels[0].optimised;
-  const PeaksSimilarity low(cube_field(), {{kLow, 1.0, 20.0}});
-  const Noting screening(low);
-  MultiStarted searched({{kLow, 1.0, 20.0}}, options);
-  searched.screen_by(screening);
-  SearchProblem problem = searched.problem();
+TEST_F(NotedStarts, StartsAreMovedByShiftsInTurnToo) {
+  SearchProblem problem = searched_.problem();
   const Vector3d shift_us_mm(20.0, -3.0, 5.0);
   problem.start_shifts_us_mm = {shift_us_mm, -shift_us_mm};
-  searched.search({problem});
-  const auto count = static_cast<std::size_t>(options.starts->count);
-  ASSERT_EQ(screening.asked.size(), 2 * count);
-  // The first start is the initial pose, the identity.
-  EXPECT_TRUE(screening.asked[0].isZero());
-  EXPECT_TRUE(screening.asked[count].isApprox(-shift_us_mm));  // T_ct_us
-  // The second one is moved the other way.
+  searched_.search({problem});
+  const auto count = static_cast<std::size_t>(options_.starts->count);
+  ASSERT_EQ(screening_.asked.size(), 2 * count);
+  // The first start is the initial pose, the identity; the second one is moved the other way.
+  EXPECT_TRUE(screening_.asked[0].isZero());
+  EXPECT_TRUE(screening_.asked[count].isApprox(-shift_us_mm));  // T_ct_us
   const PoseParameters pose(Isometry3d::Identity(), cube_field().us_mm());
-  const Isometry3d second = pose.T_us_ct(spread_starts(pose, *options.starts)[1]);
-  EXPECT_TRUE(screening.asked[count + 1].isApprox(
+  const Isometry3d second = pose.T_us_ct(spread_starts(pose, *options_.starts)[1]);
+  EXPECT_TRUE(screening_.asked[count + 1].isApprox(
       (Eigen::Translation3d(-shift_us_mm) * second).inverse().translation()));
 }
 
