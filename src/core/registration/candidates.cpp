@@ -141,15 +141,23 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
 
 }  // namespace
 
+FieldPoints::FieldPoints(std::vector<Eigen::Vector3d> points_us_mm)
+    : points_us_mm_(std::move(points_us_mm)) {
+  for (const Eigen::Vector3d& p : points_us_mm_) centre_us_mm_ += p;
+  centre_us_mm_ /= static_cast<double>(points_us_mm_.size());
+}
+
 double FieldPoints::distance_mm(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct) const {
   return mean_displacement_mm(T_a_us_ct * T_b_us_ct.inverse(), Isometry3d::Identity(),
                               points_us_mm_);
 }
 
-Eigen::Vector3d FieldPoints::centre_us_mm() const {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : points_us_mm_) sum += p;
-  return sum / static_cast<double>(points_us_mm_.size());
+bool FieldPoints::are_apart(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct,
+                            double limit_mm) const {
+  // The mean point moves no further than the points do in the mean.
+  const Isometry3d motion = T_a_us_ct * T_b_us_ct.inverse();
+  return (motion * centre_us_mm_ - centre_us_mm_).norm() > limit_mm ||
+         distance_mm(T_a_us_ct, T_b_us_ct) > limit_mm;
 }
 
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run) {
@@ -192,7 +200,7 @@ std::vector<Candidate> best_distinct(std::vector<Candidate> candidates, double d
   for (const Candidate& candidate : candidates) {
     if (kept.size() == most) break;
     if (std::all_of(kept.begin(), kept.end(), [&](const Candidate& better) {
-          return field.distance_mm(candidate.T_us_ct, better.T_us_ct) > distinct_mm;
+          return field.are_apart(candidate.T_us_ct, better.T_us_ct, distinct_mm);
         }))
       kept.push_back(candidate);
   }

@@ -187,7 +187,7 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
   std::vector<const Candidate*> rivals;
   for (const Candidate& other : optima)
     if (rivals.size() < kRivals &&
-        field().distance_mm(other.T_us_ct, best.T_us_ct) > in_.options.rival_mm)
+        field().are_apart(other.T_us_ct, best.T_us_ct, in_.options.rival_mm))
       rivals.push_back(&other);
   measures.rival_ratio = rivals.empty() ? measures.chance_ratio : times(best, rivals[0]->value);
   measures.rival_advantage = measures.chance_advantage;

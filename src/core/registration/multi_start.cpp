@@ -166,7 +166,7 @@ std::vector<Candidate> headed_by(const Candidate& first, const std::vector<Candi
                                  const SearchProblem& problem) {
   std::vector<Candidate> optima{first};
   for (const Candidate& other : others)
-    if (problem.field.distance_mm(other.T_us_ct, first.T_us_ct) > problem.options.distinct_mm)
+    if (problem.field.are_apart(other.T_us_ct, first.T_us_ct, problem.options.distinct_mm))
       optima.push_back(other);
   return optima;
 }

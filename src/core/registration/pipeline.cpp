@@ -65,7 +65,7 @@ class Pipeline {
 };
 
 bool Pipeline::has_left(const Candidate& optimum, const Candidate& refined) const {
-  return problem_.field.distance_mm(optimum.T_us_ct, refined.T_us_ct) > options_.search.distinct_mm;
+  return problem_.field.are_apart(optimum.T_us_ct, refined.T_us_ct, options_.search.distinct_mm);
 }
 
 Outcome<Judged> Pipeline::judged(Assessor& assessor, std::vector<Candidate>& optima,
@@ -161,7 +161,7 @@ Outcome<PipelineResult> Pipeline::search() {
 }
 
 std::optional<PipelineResult> Pipeline::tracked(const Trail& trail, double reach_mm) {
-  if (problem_.field.distance_mm(problem_.T_us_ct_initial, trail.T_us_ct) > reach_mm)
+  if (problem_.field.are_apart(problem_.T_us_ct_initial, trail.T_us_ct, reach_mm))
     return std::nullopt;
   const std::optional<Followed> followed = run_.timed("tracking", [&] {
     return follow(trail, problem_, images_.prepared.us->beams, options_.confidence, run_);

@@ -109,8 +109,10 @@ PoseVector PoseParameters::parameters_of_motion(const Eigen::Vector3d& rotation_
 double mean_displacement_mm(const Eigen::Isometry3d& T_a, const Eigen::Isometry3d& T_b,
                             const std::vector<Eigen::Vector3d>& points_mm) {
   if (points_mm.empty()) throw InputError("mean displacement", "0 points, must be at least 1");
+  const Eigen::Matrix3d linear = T_a.linear() - T_b.linear();
+  const Eigen::Vector3d translation = T_a.translation() - T_b.translation();
   double sum_mm = 0.0;
-  for (const Eigen::Vector3d& point : points_mm) sum_mm += (T_a * point - T_b * point).norm();
+  for (const Eigen::Vector3d& point : points_mm) sum_mm += (linear * point + translation).norm();
   return sum_mm / static_cast<double>(points_mm.size());
 }
 

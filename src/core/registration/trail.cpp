@@ -29,7 +29,7 @@ std::vector<Decoy> follow_decoys(const std::vector<Decoy>& before, const Isometr
         decoy.best.T_us_ct.inverse() * decoy.T_mirror * T_now_before.inverse() * T_mirror.inverse();
     // If the ultrasound itself is mirrored now, its decoy fits where the ultrasound did before.
     candidates.push_back({{T_ct_us.inverse(), {}}, {T_us_ct, {}}});
-    if (problem.field.distance_mm(T_us_ct, problem.T_us_ct_initial) > kSameStartMm)
+    if (problem.field.are_apart(T_us_ct, problem.T_us_ct_initial, kSameStartMm))
       candidates.back().push_back({problem.T_us_ct_initial, {}});
   }
   std::vector<Climbers> climbers;
@@ -52,7 +52,7 @@ Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
   Trail trail{refined.T_us_ct, decoys, {}};
   for (const Candidate& other : optima)
     if (trail.rivals.size() < kRivals &&
-        field.distance_mm(other.T_us_ct, optima.front().T_us_ct) > rival_mm)
+        field.are_apart(other.T_us_ct, optima.front().T_us_ct, rival_mm))
       trail.rivals.push_back(other);
   return trail;
 }
@@ -70,7 +70,7 @@ std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
   const Candidate tracked = optima.front();
   const bool is_beaten = std::any_of(optima.begin(), optima.end(), [&](const Candidate& other) {
     return other.value > tracked.value &&
-           problem.field.distance_mm(other.T_us_ct, tracked.T_us_ct) > confidence.rival_mm;
+           problem.field.are_apart(other.T_us_ct, tracked.T_us_ct, confidence.rival_mm);
   });
   if (is_beaten || !tracked.has_value()) return std::nullopt;
   optima.erase(optima.begin());

@@ -1,70 +1,29 @@
 #include "similarity/ultrasound_patches.h"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 #include <utility>
 
 #include "parallel.h"
 #include "require.h"
+#include "similarity/patch_boxes.h"
 #include "similarity/sweep_motion.h"
 
 namespace usct {
 namespace {
 
 using Eigen::Vector3d;
-using Eigen::Vector3i;
-
-/// Ultrasound of a smaller deviation (in units of that of all ultrasound) counts as constant.
-constexpr double kLeastDeviation = 1e-4;
 
 constexpr std::size_t kLanes = UltrasoundPatches::kLanes;
-
-/// Samples, lines and frames along each edge of a patch.
-Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
-  const double middle = 0.5 * (beams.samples() - 1);
-  const auto steps = [](double edge_mm, double step_mm, int available) {
-    if (!(step_mm > 0.0)) return available;
-    return static_cast<int>(std::clamp(std::round(edge_mm / step_mm), 1.0, double(available)));
-  };
-  const auto distance = [&](int f_a, int l_a, int f_b, int l_b) {
-    return (beams.point(f_a, l_a, middle) - beams.point(f_b, l_b, middle)).norm();
-  };
-  const int f = beams.frames / 2;
-  const int l = beams.lines / 2;
-  double line_mm = 0.0;
-  for (int i = 1; i < beams.lines; ++i) line_mm += distance(f, i - 1, f, i) / (beams.lines - 1);
-  double frame_mm = 0.0;
-  for (int i = 1; i < beams.frames; ++i) frame_mm += distance(i - 1, l, i, l) / (beams.frames - 1);
-  return {steps(options.depth_mm, beams.axial.spacing_mm, beams.samples()),
-          steps(options.lateral_mm, line_mm, beams.lines),
-          steps(options.elevation_mm, frame_mm, beams.frames)};
-}
-
-/// Step between the samples of a line that count.
-int step_of(SampleSubset samples) {
-  switch (samples) {
-    case SampleSubset::kAll:
-      return 1;
-    case SampleSubset::kHalf:
-      return 2;
-    case SampleSubset::kQuarter:
-      return 4;
-  }
-  return 1;
-}
 
 class Cutter {
  public:
   Cutter(const BeamUltrasound& ultrasound, const PatchOptions& options, PatchContents contents)
       : us_(ultrasound),
         with_beams_(contents == PatchContents::kWithBeams),
-        size_(patch_size(ultrasound.beams, options)),
-        step_(step_of(options.samples)),
-        least_share_(options.least_share) {}
+        counting_(ultrasound, options.samples),
+        boxes_(choose_boxes(ultrasound, options)) {}
 
   UltrasoundPatches run() {
-    choose();
     lay_out();
     allocate();
     const std::vector<Beam> motions = with_beams_ ? sweep_motions() : std::vector<Beam>{};
@@ -80,16 +39,6 @@ class Cutter {
   }
 
  private:
-  struct Box {
-    Vector3i begin, end;  // samples, lines, frames
-    UltrasoundPatches::Patch patch;
-  };
-
-  std::size_t beam_index(int frame, int line) const {
-    return static_cast<std::size_t>(frame) * static_cast<std::size_t>(us_.beams.lines) +
-           static_cast<std::size_t>(line);
-  }
-
   /// The motions of all beams.
   std::vector<Beam> sweep_motions() const {
     const SweepMotion motion(us_.beams);
@@ -98,94 +47,6 @@ class Cutter {
     for (int f = 0; f < us_.beams.frames; ++f)
       for (int l = 0; l < us_.beams.lines; ++l) motions.push_back(motion(f, l));
     return motions;
-  }
-
-  /// Calls visit(beam) for the beams of a box, an index and the sum of line and frame.
-  template <typename Visit>
-  void for_beams(const Box& box, const Visit& visit) const {
-    for (int f = box.begin.z(); f < box.end.z(); ++f)
-      for (int l = box.begin.y(); l < box.end.y(); ++l) visit(beam_index(f, l), l + f);
-  }
-
-  /// Calls visit(sample, offset) for the known samples of the subset that lie on one beam of a box.
-  template <typename Visit>
-  void for_known(const Box& box, std::size_t beam, int line_and_frame, const Visit& visit) const {
-    const std::size_t start = beam * static_cast<std::size_t>(us_.beams.samples());
-    const std::uint8_t* const known = us_.known.empty() ? nullptr : us_.known.data() + start;
-    for (int s = first_sample(box, line_and_frame); s < box.end.x(); s += step_)
-      if (known == nullptr || known[s] != 0) visit(s, start + static_cast<std::size_t>(s));
-  }
-
-  int first_sample(const Box& box, int line_and_frame) const {
-    return box.begin.x() + (box.begin.x() + line_and_frame) % step_;
-  }
-
-  /// Chooses the boxes that count, with the statistics of their ultrasound.
-  void choose() {
-    const Vector3i all(us_.beams.samples(), us_.beams.lines, us_.beams.frames);
-    const int layers = (all.z() + size_.z() - 1) / size_.z();
-    std::vector<std::vector<Box>> chosen(static_cast<std::size_t>(layers));
-    parallel_for(layers, [&](int layer) {
-      const int f = layer * size_.z();
-      std::vector<Box> column;
-      for (int l = 0; l < all.y(); l += size_.y()) {
-        column.clear();
-        for (int s = 0; s < all.x(); s += size_.x()) {
-          const Vector3i begin(s, l, f);
-          column.push_back({begin, (begin + size_).cwiseMin(all), {}});
-        }
-        add_counting(column, chosen[static_cast<std::size_t>(layer)]);
-      }
-    });
-    for (const std::vector<Box>& boxes : chosen)
-      boxes_.insert(boxes_.end(), boxes.begin(), boxes.end());
-    std::stable_sort(boxes_.begin(), boxes_.end(),
-                     [](const Box& a, const Box& b) { return a.patch.count > b.patch.count; });
-  }
-
-  /// Finds the statistics of boxes that lie behind each other on the same beams, and adds those
-  /// that count to `chosen`. Beam by beam, the sums of many boxes are added to at the same time;
-  /// those of one box would wait for each other.
-  void add_counting(std::vector<Box>& column, std::vector<Box>& chosen) const {
-    std::vector<int> samples(column.size());  // of the subset, known or not
-    for_beams(column.front(), [&](std::size_t beam, int line_and_frame) {
-      for (std::size_t i = 0; i < column.size(); ++i) {
-        UltrasoundPatches::Patch patch = column[i].patch;
-        samples[i] +=
-            (column[i].end.x() - first_sample(column[i], line_and_frame) + step_ - 1) / step_;
-        for_known(column[i], beam, line_and_frame, [&](int sample, std::size_t offset) {
-          patch.mean += us_.brightness[offset];
-          patch.depth_mm += us_.beams.axial.depth_mm(sample);
-          ++patch.count;
-        });
-        column[i].patch = patch;
-      }
-    });
-    for (std::size_t i = 0; i < column.size(); ++i) {
-      UltrasoundPatches::Patch& patch = column[i].patch;
-      const auto count = static_cast<double>(patch.count);
-      if (count < least_share_ * samples[i]) patch.count = 0;
-      patch.mean /= count;
-      patch.depth_mm /= count;
-      const Vector3i middle = (column[i].begin + column[i].end) / 2;
-      patch.centre_us_mm = us_.beams.point(middle.z(), middle.y(), middle.x());
-    }
-    for_beams(column.front(), [&](std::size_t beam, int line_and_frame) {
-      for (Box& box : column) {
-        const double mean = box.patch.mean;
-        double square_sum = box.patch.square_sum;
-        for_known(box, beam, line_and_frame, [&](int, std::size_t offset) {
-          const double difference = us_.brightness[offset] - mean;
-          square_sum += difference * difference;
-        });
-        box.patch.square_sum = square_sum;
-      }
-    });
-    std::copy_if(column.begin(), column.end(), std::back_inserter(chosen), [](const Box& box) {
-      return box.patch.count >= 2 &&
-             box.patch.square_sum >
-                 kLeastDeviation * kLeastDeviation * static_cast<double>(box.patch.count);
-    });
   }
 
   /// Number of samples of a strand of a patch.
@@ -199,7 +60,7 @@ class Cutter {
     const auto next_block = [&] {
       lengths_.resize((lengths_.size() + kLanes - 1) / kLanes * kLanes);
     };
-    for (Box& box : boxes_) {
+    for (PatchBox& box : boxes_) {
       const bool single = box.patch.count <= UltrasoundPatches::kLongestStrand;
       if (!single) ++result_.first_single_patch;
       if (single && result_.first_single_patch == result_.patches.size()) {
@@ -253,27 +114,24 @@ class Cutter {
     std::size_t strand = patch.first_strand;
     std::size_t place = place_of(strand);
     std::size_t left = length(patch, 0);
-    Eigen::AlignedBox3f box;
-    for_beams(boxes_[p], [&](std::size_t beam, int line_and_frame) {
-      for_known(boxes_[p], beam, line_and_frame, [&](int sample, std::size_t offset) {
+    std::vector<int> samples = counting_.none();
+    counting_.for_beams(boxes_[p], [&](std::size_t beam, int line_and_frame) {
+      const std::size_t count = counting_.find(boxes_[p], beam, line_and_frame, samples);
+      for (std::size_t i = 0; i < count;) {
         if (left == 0) {
-          strand_boxes_[strand] = box;
-          box.setEmpty();
           pad(strand);
           ++strand;
           place = place_of(strand);
           left = length(patch, strand - patch.first_strand);
         }
-        const double depth_mm = us_.beams.axial.depth_mm(sample);
-        box.extend(put_position(place, us_.beams.beams[beam], depth_mm));
-        if (with_beams_)
-          by_errors_mm += put_beam(place, us_.beams.beams[beam], motions[beam], depth_mm);
-        result_.value[place] = static_cast<float>(us_.brightness[offset] - patch.mean);
-        place += kLanes;
-        --left;
-      });
+        const OfBeam part{beam, samples.data() + i, std::min(left, count - i)};
+        strand_boxes_[strand].extend(put_positions(place, part, patch.mean));
+        if (with_beams_) by_errors_mm += put_beam(place, part, motions[beam]);
+        place += part.count * kLanes;
+        left -= part.count;
+        i += part.count;
+      }
     });
-    strand_boxes_[strand] = box;
     pad(strand);
     if (with_beams_) result_.by_errors_mm[p] = by_errors_mm / static_cast<double>(patch.count);
   }
@@ -291,6 +149,35 @@ class Cutter {
     return result_.blocks[strand / kLanes].begin + strand % kLanes;
   }
 
+  /// Samples of one beam that follow each other in a strand, one at least.
+  struct OfBeam {
+    std::size_t beam;
+    const int* samples;
+    std::size_t count;
+  };
+
+  /// Returns the box that holds them.
+  Eigen::AlignedBox3f put_positions(std::size_t place, const OfBeam& part, double mean) {
+    const Beam& beam = us_.beams.beams[part.beam];
+    const AxialSampling axial = us_.beams.axial;
+    const float* brightness = counting_.brightness(part.beam);
+    float* const x = result_.x_mm.data() + place;
+    float* const y = result_.y_mm.data() + place;
+    float* const z = result_.z_mm.data() + place;
+    float* const value = result_.value.data() + place;
+    for (std::size_t i = 0; i < part.count; ++i) {
+      const Vector3d at = beam.origin_mm + axial.depth_mm(part.samples[i]) * beam.direction;
+      x[i * kLanes] = static_cast<float>(at.x());
+      y[i * kLanes] = static_cast<float>(at.y());
+      z[i * kLanes] = static_cast<float>(at.z());
+      value[i * kLanes] = static_cast<float>(brightness[part.samples[i]] - mean);
+    }
+    // They lie on a line, so that the first and the last one enclose all.
+    const std::size_t last = (part.count - 1) * kLanes;
+    Eigen::AlignedBox3f box(Eigen::Vector3f(*x, *y, *z));
+    return box.extend(Eigen::Vector3f(x[last], y[last], z[last]));
+  }
+
   static void set(const Vector3d& vector, std::size_t place, LargeVector<float>& x,
                   LargeVector<float>& y, LargeVector<float>& z) {
     x[place] = static_cast<float>(vector.x());
@@ -298,29 +185,29 @@ class Cutter {
     z[place] = static_cast<float>(vector.z());
   }
 
-  Eigen::Vector3f put_position(std::size_t place, const Beam& beam, double depth_mm) {
-    const Vector3d position = beam.origin_mm + depth_mm * beam.direction;
-    set(position, place, result_.x_mm, result_.y_mm, result_.z_mm);
-    return position.cast<float>();
-  }
-
-  /// Returns how the sample moves per unit of each of the AcquisitionErrors, mm.
-  Eigen::Matrix<double, 3, 2> put_beam(std::size_t place, const Beam& beam, const Beam& motion,
-                                       double depth_mm) {
+  /// Returns the sum over the samples of how they move per unit of each of the AcquisitionErrors,
+  /// mm.
+  Eigen::Matrix<double, 3, 2> put_beam(std::size_t place, const OfBeam& part, const Beam& motion) {
+    const Beam& beam = us_.beams.beams[part.beam];
+    double sum_of_depths_mm = 0.0;
+    for (std::size_t i = 0; i < part.count; ++i, place += kLanes) {
+      const double depth_mm = us_.beams.axial.depth_mm(part.samples[i]);
+      sum_of_depths_mm += depth_mm;
+      set(beam.direction, place, result_.direction_x, result_.direction_y, result_.direction_z);
+      set(motion.origin_mm + depth_mm * motion.direction, place, result_.sweep_x, result_.sweep_y,
+          result_.sweep_z);
+      result_.depth_mm[place] = static_cast<float>(depth_mm);
+    }
     Eigen::Matrix<double, 3, 2> by_errors_mm;
-    by_errors_mm << depth_mm * beam.direction, motion.origin_mm + depth_mm * motion.direction;
-    set(beam.direction, place, result_.direction_x, result_.direction_y, result_.direction_z);
-    set(by_errors_mm.col(1), place, result_.sweep_x, result_.sweep_y, result_.sweep_z);
-    result_.depth_mm[place] = static_cast<float>(depth_mm);
+    by_errors_mm << sum_of_depths_mm * beam.direction,
+        static_cast<double>(part.count) * motion.origin_mm + sum_of_depths_mm * motion.direction;
     return by_errors_mm;
   }
 
   const BeamUltrasound& us_;
   bool with_beams_;
-  Vector3i size_;
-  int step_;  // step between counting samples of a line
-  double least_share_;
-  std::vector<Box> boxes_;
+  CountingSamples counting_;
+  std::vector<PatchBox> boxes_;
   std::vector<std::size_t> lengths_;  // number of samples of each strand; 0: there is none
   std::vector<Eigen::AlignedBox3f> strand_boxes_;
   std::size_t size_in_memory_ = 0;

@@ -1,17 +1,23 @@
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 
+#include <atomic>
 #include <cmath>
 
+#include "parallel.h"
 #include "require.h"
 
 namespace usct {
 namespace {
 
-/// The loop has no early exit, so that the compiler can vectorise it.
 bool all_finite(const std::vector<float>& values) {
-  int bad = 0;
-  for (const float value : values) bad |= value - value == 0.0F ? 0 : 1;
-  return bad == 0;
+  std::atomic<bool> all{true};
+  parallel_ranges(values.size(), [&](std::size_t begin, std::size_t end) {
+    // The loop has no early exit, so that the compiler can vectorise it.
+    int bad = 0;
+    for (std::size_t i = begin; i < end; ++i) bad |= values[i] - values[i] == 0.0F ? 0 : 1;
+    if (bad != 0) all = false;
+  });
+  return all;
 }
 
 }  // namespace
