@@ -117,7 +117,7 @@ void conditioning(benchmark::State& state, int factor) {
 void packing(benchmark::State& state, double ct_mm) {
   const ThreadCount threads(static_cast<int>(state.range(0)));
   const Volume<float> volume = ct(ct_mm);
-  for (auto _ : state) benchmark::DoNotOptimize(PackedCt(volume, HuWindow{}, 40.0).pairs().data());
+  for (auto _ : state) benchmark::DoNotOptimize(PackedCt(volume, HuWindow{}, 40.0).pairs());
   finish(state, static_cast<std::int64_t>(volume.voxels.size()));
 }
 

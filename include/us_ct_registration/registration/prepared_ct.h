@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "us_ct_registration/progress.h"
@@ -11,43 +12,37 @@
 
 namespace usct {
 
+class ReachedAverage;
+
 /// A CT and, if they were prepared, its averages to the spacings of a registration. Averages depend
 /// on the CT and on options alone, so that they are made once for all registrations of a CT. A
 /// registration whose options have other spacings or another window averages the CT itself.
 ///
-/// The result of a registration has the same bits with and without prepared averages. Averages
-/// never change, so that several threads may register with them at the same time. They take one
-/// byte per voxel and spacing: at most half the memory of the CT for a spacing as fine as that of
-/// the CT, and less in proportion to the volume of the averaged voxels.
+/// The result of a registration has the same bits with and without prepared averages. Several
+/// threads may register with them at the same time. They take one byte per voxel and spacing: at
+/// most half the memory of the CT for a spacing as fine as that of the CT, and less in proportion
+/// to the volume of the averaged voxels. The part that registrations reach takes six bytes more
+/// per voxel, since it is kept as the similarities read it.
 class PreparedCt {
  public:
-  /// The averages of a whole CT.
-  struct Average {
-    HuWindow window;
-    /// Numbers of voxels along each axis that one step averages; the first step averages voxels of
-    /// the CT, each other step those of the step before.
-    std::vector<Eigen::Vector3i> steps;
-    /// CT values on the scale of the window: its lowest one is 0, its highest one 255.
-    Volume<std::uint8_t> bytes;
-  };
-
   /// A CT without averages. It must outlive this object.
-  PreparedCt(const CtVolume& ct) : ct_(ct) {}  // NOLINT(google-explicit-constructor): as it is
+  PreparedCt(const CtVolume& ct);  // NOLINT(google-explicit-constructor): as it is
   /// Prepares the averages of the search's levels and of the refinement, and those of the preset
   /// `patient` where the options leave doubts to it. `check` may throw to cancel; while this runs,
   /// the finest level of the search takes four bytes per voxel more. Throws InputError if the CT or
   /// the options are invalid.
   PreparedCt(const CtVolume& ct, const RegistrationOptions& options, const Check& check = {});
+  ~PreparedCt();
   PreparedCt(const PreparedCt&) = delete;
   PreparedCt& operator=(const PreparedCt&) = delete;
 
   const CtVolume& ct() const { return ct_; }
   /// A number that no other object of the process has.
   std::uint64_t number() const { return number_; }
-  /// The average, or null if it was not prepared.
-  const Volume<std::uint8_t>* find(const HuWindow& window,
-                                   const std::vector<Eigen::Vector3i>& steps) const;
-  /// Memory of the averages.
+  /// The average by so many voxels along each axis, step by step, or null if it was not prepared.
+  const ReachedAverage* find(const HuWindow& window,
+                             const std::vector<Eigen::Vector3i>& steps) const;
+  /// Memory of the averages, which grows with what registrations reach.
   std::size_t bytes() const;
 
  private:
@@ -55,7 +50,7 @@ class PreparedCt {
 
   const CtVolume& ct_;
   const std::uint64_t number_ = next_number();
-  std::vector<Average> averages_;
+  std::vector<std::unique_ptr<const ReachedAverage>> averages_;
 };
 
 }  // namespace usct

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "registration/reached_average.h"
+
 namespace usct::registration {
 namespace {
 
@@ -38,6 +40,26 @@ Region blocks_over(const Region& region, const AveragingSteps& steps, const Grid
   const Vector3i end =
       last.cwiseQuotient(block).cwiseMin(size).cwiseMax(begin + Vector3i::Constant(kLeast));
   return {begin, end - begin};
+}
+
+/// A region with the voxels around it, as far as there are any.
+Region with_neighbours(const Region& region, const Vector3i& size) {
+  const Vector3i one = Vector3i::Ones();
+  const Vector3i begin = (region.begin - one).cwiseMax(0);
+  return {begin, (region.begin + region.size + one).cwiseMin(size) - begin};
+}
+
+/// The region of a grid of so many voxels whose voxels have all their neighbours in another region,
+/// as far as there are any.
+Region without_outermost(const Region& region, const Vector3i& size) {
+  Region inner = region;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int before = region.begin[axis] > 0 ? 1 : 0;
+    const int after = region.begin[axis] + region.size[axis] < size[axis] ? 1 : 0;
+    inner.begin[axis] += before;
+    inner.size[axis] -= before + after;
+  }
+  return inner;
 }
 
 /// The region of the finer average that a region of a coarser one is made of. The Gaussian over a
@@ -78,9 +100,10 @@ std::vector<Region> regions_over(const Region& region, const std::vector<Averagi
   std::optional<std::size_t> coarser;
   for (std::size_t i = 0; i < steps.size(); ++i) {
     if (steps[i].empty()) continue;
-    regions[i] = coarser ? made_of(regions[*coarser], steps[*coarser].back(),
-                                   averaged_grid(ct, steps[i]).size)
-                         : blocks_over(region, steps[i], ct);
+    regions[i] =
+        coarser
+            ? made_of(regions[*coarser], steps[*coarser].back(), averaged_grid(ct, steps[i]).size)
+            : with_neighbours(blocks_over(region, steps[i], ct), averaged_grid(ct, steps[i]).size);
     coarser = i;
   }
   return regions;
@@ -109,8 +132,9 @@ std::vector<std::shared_ptr<const PackedCt>> packed_cts(const PreparedCt& ct, co
                                                         const std::vector<AveragingSteps>& steps,
                                                         const RegistrationOptions& options,
                                                         const Check& check) {
-  const std::vector<Region> regions = regions_over(region, steps, ct.ct().grid);
-  std::vector<const Volume<std::uint8_t>*> prepared(steps.size());
+  const Grid& ct_grid = ct.ct().grid;
+  const std::vector<Region> regions = regions_over(region, steps, ct_grid);
+  std::vector<const ReachedAverage*> prepared(steps.size());
   bool are_all_prepared = true;
   for (std::size_t i = 0; i < steps.size(); ++i) {
     if (steps[i].empty()) continue;
@@ -123,10 +147,16 @@ std::vector<std::shared_ptr<const PackedCt>> packed_cts(const PreparedCt& ct, co
   std::vector<std::shared_ptr<const PackedCt>> packed(steps.size());
   for (std::size_t i = 0; i < steps.size(); ++i) {
     if (steps[i].empty()) continue;
-    packed[i] = are_all_prepared ? std::make_shared<const PackedCt>(
-                                       *prepared[i], regions[i], options.window, options.outside_hu)
-                                 : std::make_shared<const PackedCt>(averages[i], options.window,
-                                                                    options.outside_hu);
+    // Gradients at the ends of the region then are those of the whole CT.
+    const Grid grid = averaged_grid(ct_grid, steps[i]);
+    const Region inner = without_outermost(regions[i], grid.size);
+    const PackedPart part =
+        are_all_prepared ? prepared[i]->over(regions[i])
+                         : PackedPart{std::make_shared<const PackedVoxels>(
+                                          in_bytes(averages[i], options.window), options.window),
+                                      regions[i].begin};
+    packed[i] = std::make_shared<const PackedCt>(part.voxels, inner.begin - part.begin,
+                                                 region_grid(grid, inner), options.outside_hu);
   }
   return packed;
 }

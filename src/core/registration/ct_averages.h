@@ -13,7 +13,7 @@
 /// average of the whole CT or averaged by itself.
 namespace usct::registration {
 
-/// As PreparedCt::Average::steps; empty where no average is needed.
+/// As the steps of a ReachedAverage; empty where no average is needed.
 using AveragingSteps = std::vector<Eigen::Vector3i>;
 
 /// The step to about the spacing; unset: each voxel is its own average.
@@ -25,7 +25,8 @@ std::vector<AveragingSteps> steps_of(const std::vector<LevelOptions>& levels, co
 /// Grid of the average of a whole CT.
 Grid averaged_grid(const Grid& ct, const AveragingSteps& steps);
 
-/// The regions of averages that cover a region of the CT, and that coarser averages are made of.
+/// The regions of averages that cover a region of the CT, with a voxel more around them, and that
+/// coarser averages are made of.
 /// `steps` as from `steps_of`, for one level at least. The CT has 4 voxels at least along each
 /// axis.
 std::vector<Region> regions_over(const Region& region, const std::vector<AveragingSteps>& steps,

@@ -4,9 +4,9 @@
 #include <atomic>
 #include <numeric>
 
-#include "parallel.h"
 #include "registration/as_patient.h"
 #include "registration/ct_averages.h"
+#include "registration/reached_average.h"
 
 namespace usct {
 namespace {
@@ -26,32 +26,18 @@ void average_in_parts(const CtVolume& ct, const AveragingSteps& steps, const Che
     Region part = whole(grid);
     part.begin.z() = begin;
     part.size.z() = std::min(kSlices, grid.size.z() - begin);
-    take(averaged(ct, {steps}, {part}).front().voxels);
+    take(averaged(ct, {steps}, {part}).front());
   }
 }
 
-std::vector<std::uint8_t> in_bytes(const std::vector<float>& hu, const HuWindow& window) {
-  const BytesOfCt bytes_of(window);
-  std::vector<std::uint8_t> bytes(hu.size());
-  parallel_ranges(hu.size(), [&](std::size_t begin, std::size_t end) {
-    bytes_of(hu.data() + begin, end - begin, bytes.data() + begin);
+using Averages = std::vector<std::unique_ptr<const ReachedAverage>>;
+
+const ReachedAverage* found_in(const Averages& averages, const HuWindow& window,
+                               const AveragingSteps& steps) {
+  const auto found = std::find_if(averages.begin(), averages.end(), [&](const auto& average) {
+    return average->is_for(window, steps);
   });
-  return bytes;
-}
-
-bool is_same(const HuWindow& a, const HuWindow& b) {
-  return a.low_hu == b.low_hu && a.high_hu == b.high_hu;
-}
-
-using Averages = std::vector<PreparedCt::Average>;
-
-const PreparedCt::Average* found_in(const Averages& averages, const HuWindow& window,
-                                    const AveragingSteps& steps) {
-  const auto found =
-      std::find_if(averages.begin(), averages.end(), [&](const PreparedCt::Average& average) {
-        return is_same(average.window, window) && average.steps == steps;
-      });
-  return found == averages.end() ? nullptr : &*found;
+  return found == averages.end() ? nullptr : found->get();
 }
 
 /// The averages of the search's levels, coarse ones from fine ones.
@@ -68,29 +54,28 @@ void prepare_levels(const CtVolume& ct, const RegistrationOptions& options, cons
     Volume<float> average;
     average.grid = averaged_grid(ct.grid, steps[i]);
     if (finer.voxels.empty())
-      average_in_parts(ct, steps[i], check, [&](const std::vector<float>& part) {
-        average.voxels.insert(average.voxels.end(), part.begin(), part.end());
+      average_in_parts(ct, steps[i], check, [&](const Volume<float>& part) {
+        average.voxels.insert(average.voxels.end(), part.voxels.begin(), part.voxels.end());
       });
     else
       average.voxels = shrink(finer, steps[i].back(), whole(finer.grid)).voxels;
-    averages.push_back({options.window, steps[i], {}});
-    averages.back().bytes.grid = average.grid;
-    averages.back().bytes.voxels = in_bytes(average.voxels, options.window);
+    averages.push_back(std::make_unique<const ReachedAverage>(options.window, steps[i],
+                                                              in_bytes(average, options.window)));
     finer = std::move(average);
   }
 }
 
-PreparedCt::Average refinement_average(const CtVolume& ct, const AveragingSteps& steps,
-                                       const HuWindow& window, const Check& check) {
-  PreparedCt::Average average{window, steps, {}};
-  Volume<std::uint8_t>& bytes = average.bytes;
+/// In bytes, part by part.
+Volume<std::uint8_t> refinement_average(const CtVolume& ct, const AveragingSteps& steps,
+                                        const HuWindow& window, const Check& check) {
+  Volume<std::uint8_t> bytes;
   bytes.grid = averaged_grid(ct.grid, steps);
   bytes.voxels.reserve(bytes.grid.voxel_count());
-  average_in_parts(ct, steps, check, [&](const std::vector<float>& part) {
-    const std::vector<std::uint8_t> converted = in_bytes(part, window);
-    bytes.voxels.insert(bytes.voxels.end(), converted.begin(), converted.end());
+  average_in_parts(ct, steps, check, [&](const Volume<float>& part) {
+    const Volume<std::uint8_t> converted = in_bytes(part, window);
+    bytes.voxels.insert(bytes.voxels.end(), converted.voxels.begin(), converted.voxels.end());
   });
-  return average;
+  return bytes;
 }
 
 /// The averages that a registration by these options looks at, as far as they are not there.
@@ -101,7 +86,8 @@ void prepare(const CtVolume& ct, const RegistrationOptions& options, const Check
   if (!refinement || needs_of(refinement->similarity).recorded_ct) return;
   const AveragingSteps steps = steps_to(refinement->spacing_mm, ct.grid);
   if (found_in(averages, options.window, steps) == nullptr)
-    averages.push_back(refinement_average(ct, steps, options.window, check));
+    averages.push_back(std::make_unique<const ReachedAverage>(
+        options.window, steps, refinement_average(ct, steps, options.window, check)));
 }
 
 }  // namespace
@@ -110,6 +96,8 @@ std::uint64_t PreparedCt::next_number() {
   static std::atomic<std::uint64_t> last{0};
   return ++last;
 }
+
+PreparedCt::PreparedCt(const CtVolume& ct) : ct_(ct) {}
 
 PreparedCt::PreparedCt(const CtVolume& ct, const RegistrationOptions& options, const Check& check)
     : ct_(ct) {
@@ -120,16 +108,17 @@ PreparedCt::PreparedCt(const CtVolume& ct, const RegistrationOptions& options, c
     prepare(ct, as_patient(options), check, averages_);
 }
 
-const Volume<std::uint8_t>* PreparedCt::find(const HuWindow& window,
-                                             const std::vector<Eigen::Vector3i>& steps) const {
-  const Average* found = found_in(averages_, window, steps);
-  return found == nullptr ? nullptr : &found->bytes;
+PreparedCt::~PreparedCt() = default;
+
+const ReachedAverage* PreparedCt::find(const HuWindow& window,
+                                       const std::vector<Eigen::Vector3i>& steps) const {
+  return found_in(averages_, window, steps);
 }
 
 std::size_t PreparedCt::bytes() const {
   return std::accumulate(
       averages_.begin(), averages_.end(), std::size_t{0},
-      [](std::size_t sum, const Average& average) { return sum + average.bytes.voxels.size(); });
+      [](std::size_t sum, const auto& average) { return sum + average->memory(); });
 }
 
 }  // namespace usct

@@ -6,9 +6,11 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
-#include "parallel.h"
+#include "similarity/packed_voxels.h"
 
 #ifndef USCT_SIMILARITY_PACKED_GRADIENT_ROW_
 #define USCT_SIMILARITY_PACKED_GRADIENT_ROW_
@@ -65,81 +67,73 @@ HWY_EXPORT(gradient_row);
 
 namespace {
 
-/// The bytes of a CT row by row, each with its first and last voxel once more beyond its ends, and
-/// padded to whole vectors. At the ends of the grid the only difference counts twice, so that the
-/// voxels beyond are mirrored.
-class Rows {
- public:
-  explicit Rows(const PackedCt& ct)
-      : ct_(ct), count_(static_cast<std::size_t>(ct.grid().size.x())) {}
+using Row = std::vector<std::uint8_t>;
 
-  std::size_t padded() const { return (count_ + kVector - 1) / kVector * kVector; }
-  std::vector<std::uint8_t> empty() const { return std::vector<std::uint8_t>(padded() + 2); }
+std::size_t padded(int count) {
+  constexpr int kVector = 64;  // at least as many as a vector has lanes
+  return static_cast<std::size_t>((count + kVector - 1) / kVector * kVector);
+}
 
-  void load(int j, int k, std::vector<std::uint8_t>& row) const {
-    const Eigen::Vector3i& size = ct_.grid().size;
-    j = mirrored(j, size.y());
-    k = mirrored(k, size.z());
-    // The last j has no pair; it is the upper half of the pair before.
-    const bool is_last = j + 1 == size.y();
-    const int shift = is_last ? 8 : 0;
-    const std::uint16_t* pairs = ct_.pairs().data() + static_cast<std::size_t>(k) * ct_.stride_k() +
-                                 static_cast<std::size_t>(is_last ? j - 1 : j) * ct_.stride_j();
-    for (std::size_t i = 0; i < count_; ++i)
-      row[i + 1] = static_cast<std::uint8_t>(pairs[i] >> shift);
-    row[0] = row[2];
-    row[count_ + 1] = row[count_ - 1];
+/// The voxels beyond the ends of the grid are mirrored, so that the only difference counts twice.
+int mirrored(int i, int size) { return i < 0 ? 1 : i == size ? size - 2 : i; }
+
+/// Loads a row of voxels, with one more in front and behind.
+void load(const Volume<std::uint8_t>& bytes, int j, int k, Row& row) {
+  const Eigen::Vector3i& size = bytes.grid.size;
+  const auto count = static_cast<std::size_t>(size.x());
+  std::copy_n(&bytes.at(0, mirrored(j, size.y()), mirrored(k, size.z())), count, row.data() + 1);
+  row[0] = row[2];
+  row[count + 1] = row[count - 1];
+}
+
+/// The voxels and magnitudes of two rows, one after the other along j, as words.
+struct RowsOfWords {
+  const std::uint8_t *first, *second, *first_magnitudes, *second_magnitudes;
+
+  void write(std::size_t count, std::uint32_t* words) const {
+    const RowsOfWords rows = *this;  // which no write can change, for all the compiler knows
+    for (std::size_t i = 0; i < count; ++i)
+      words[i] = static_cast<std::uint32_t>(rows.first[i]) |
+                 static_cast<std::uint32_t>(rows.second[i]) << 8 |
+                 static_cast<std::uint32_t>(rows.first_magnitudes[i]) << 16 |
+                 static_cast<std::uint32_t>(rows.second_magnitudes[i]) << 24;
   }
-
- private:
-  static constexpr std::size_t kVector = 64;  // at least as many as a vector has lanes
-  static int mirrored(int i, int size) { return i < 0 ? 1 : i == size ? size - 2 : i; }
-
-  const PackedCt& ct_;
-  std::size_t count_;
 };
 
 }  // namespace
 
-PackedGradient with_gradient(const PackedCt& ct) {
-  const Grid& grid = ct.grid();
-  PackedGradient result;
-  result.step_per_mm = 1.0 / grid.spacing_mm.minCoeff();
-  result.words.resize(ct.pairs().size());
-  RowNeighbours weighted{};
+void write_with_gradient(const Volume<std::uint8_t>& bytes, int k, double per_mm,
+                         std::uint32_t* words) {
+  const Eigen::Vector3i& size = bytes.grid.size;
+  const auto count = static_cast<std::size_t>(size.x());
+  const Row empty(padded(size.x()) + 2);
+  Row before_j = empty, here = empty, after_j = empty, before_k = empty, after_k = empty;
+  Row magnitudes = empty, last_magnitudes = empty;
+  RowNeighbours row{};
   for (int axis = 0; axis < 3; ++axis)
-    weighted.weights[axis] =
-        static_cast<float>(0.5 * std::pow(grid.spacing_mm[axis] * result.step_per_mm, -2.0));
-  const Rows rows(ct);
-  parallel_for(grid.size.z(), [&](int k) {
-    std::vector<std::uint8_t> before_j = rows.empty(), here = before_j, after_j = before_j,
-                              before_k = before_j, after_k = before_j, magnitudes = before_j,
-                              last = before_j;
-    rows.load(-1, k, before_j);
-    rows.load(0, k, here);
-    std::size_t at = static_cast<std::size_t>(k) * ct.stride_k();
-    for (int j = 0; j < grid.size.y(); ++j) {
-      rows.load(j + 1, k, after_j);
-      rows.load(j, k - 1, before_k);
-      rows.load(j, k + 1, after_k);
-      RowNeighbours row = weighted;
-      row.here = here.data() + 1;
-      row.before_j = before_j.data() + 1;
-      row.after_j = after_j.data() + 1;
-      row.before_k = before_k.data() + 1;
-      row.after_k = after_k.data() + 1;
-      HWY_DYNAMIC_DISPATCH(gradient_row)(row, rows.padded(), magnitudes.data());
-      if (j > 0)
-        for (std::size_t i = 0; i < ct.stride_j(); ++i, ++at)
-          result.words[at] = static_cast<std::uint32_t>(ct.pairs()[at]) |
-                             static_cast<std::uint32_t>(last[i]) << 16 |
-                             static_cast<std::uint32_t>(magnitudes[i]) << 24;
-      last.swap(magnitudes);
-      before_j.swap(here);
-      here.swap(after_j);
+    row.weights[axis] =
+        static_cast<float>(0.5 * std::pow(bytes.grid.spacing_mm[axis] / per_mm, -2.0));
+  load(bytes, -1, k, before_j);
+  load(bytes, 0, k, here);
+  for (int j = 0; j < size.y(); ++j) {
+    load(bytes, j + 1, k, after_j);
+    load(bytes, j, k - 1, before_k);
+    load(bytes, j, k + 1, after_k);
+    row.here = here.data() + 1;
+    row.before_j = before_j.data() + 1;
+    row.after_j = after_j.data() + 1;
+    row.before_k = before_k.data() + 1;
+    row.after_k = after_k.data() + 1;
+    HWY_DYNAMIC_DISPATCH(gradient_row)(row, padded(size.x()), magnitudes.data());
+    if (j > 0) {
+      RowsOfWords{row.before_j, row.here, last_magnitudes.data(), magnitudes.data()}.write(count,
+                                                                                           words);
+      words += count;
     }
-  });
-  return result;
+    last_magnitudes.swap(magnitudes);
+    before_j.swap(here);
+    here.swap(after_j);
+  }
 }
 
 }  // namespace usct

@@ -50,7 +50,7 @@ void StrandSlopes::set(std::size_t lane, const ShareSlopes& slopes) {
 void sample_derivatives_scalar(const PatchKernelInput& in, std::size_t block, BlockSamples& samples,
                                StrandSums& sums) {
   const ScalarSampler sampler(in);
-  const PackedGradient& gradient = in.ct.gradient();
+  const PackedGradient gradient = in.ct.gradient();
   const auto per_step = static_cast<float>(gradient.step_per_mm);
   const auto background = static_cast<float>(in.ct.background());
   const std::size_t begin = in.us.blocks[block].begin;
@@ -61,8 +61,8 @@ void sample_derivatives_scalar(const PatchKernelInput& in, std::size_t block, Bl
     ScalarSampler::Sampled ct{background, Eigen::Vector3f::Zero()};
     Eigen::Vector3f by_g = Eigen::Vector3f::Zero();
     if (inside) {
-      ct = sampler.sample(in.ct.pairs().data(), cell);
-      by_g = per_step * sampler.sample(gradient.words.data(), cell, 16).gradient;
+      ct = sampler.sample(in.ct.pairs(), cell);
+      by_g = per_step * sampler.sample(gradient.words, cell, 16).gradient;
     }
     BlockSamples::Row& row = samples.rows[i / kLanes];
     const std::size_t lane = i % kLanes;

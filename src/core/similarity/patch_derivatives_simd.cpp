@@ -72,8 +72,9 @@ HWY_INLINE void sample_rows(const PatchKernelInput& in, const Constants& k, std:
                             BlockSamples::Row* out, std::size_t lane, std::size_t rows,
                             LaneSums& sums) {
   if (rows == 0) return;
-  const VF per_step = hn::Set(df, static_cast<float>(in.ct.gradient().step_per_mm));
-  const std::uint32_t* words = in.ct.gradient().words.data();
+  const PackedGradient gradient = in.ct.gradient();
+  const VF per_step = hn::Set(df, static_cast<float>(gradient.step_per_mm));
+  const std::uint32_t* words = gradient.words;
   LaneSums sum = sums;  // a copy in registers
   const std::size_t last = s + (rows - 1) * kLanes;
   WordCells next = fetch_words<kWhere>(in.us, k, words, s);

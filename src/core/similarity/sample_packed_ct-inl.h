@@ -50,10 +50,10 @@ struct Constants {
       last[r] = static_cast<float>(in.ct.grid().size[r] - 1) + kShift;
       per_mm[r] = static_cast<float>(1.0 / in.ct.grid().spacing_mm[r]);
     }
-    pairs = in.ct.pairs().data();
+    pairs = in.ct.pairs();
     stride_j = static_cast<std::int32_t>(in.ct.stride_j());
     stride_k = in.ct.stride_k();
-    rows = static_cast<float>(in.ct.grid().size.y() - 1);
+    rows = static_cast<float>(in.ct.stride_k() / in.ct.stride_j());
     first_cell = bits_of(kWhole + kShift) +
                  bits_of(kWhole + kShift * rows + kShift) * static_cast<std::uint32_t>(stride_j);
     background = static_cast<float>(in.ct.background());

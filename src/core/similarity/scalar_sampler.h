@@ -35,7 +35,7 @@ class ScalarSampler {
   bool sample(std::size_t s, Sampled& ct) const {
     Cell cell;
     if (!locate(s, cell)) return false;
-    ct = sample(in_.ct.pairs().data(), cell);
+    ct = sample(in_.ct.pairs(), cell);
     return true;
   }
 

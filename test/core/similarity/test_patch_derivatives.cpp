@@ -192,9 +192,9 @@ TEST(PackedGradient, OfARampIsItsSlopeInAllVoxels) {
       for (int i = 0; i < 9; ++i)
         ramp.at(i, j, k) = static_cast<float>(40.0 + 2.0 * steps.dot(Vector3d(i, j, k)));
   const PackedCt ct(ramp, kWindow, kBackgroundHu);
-  const PackedGradient& gradient = ct.gradient();
+  const PackedGradient gradient = ct.gradient();
   const double slope = steps.cwiseQuotient(grid.spacing_mm).norm();
-  for (std::size_t i = 0; i < gradient.words.size(); ++i) {
+  for (std::size_t i = 0; i < ct.stride_k() * 7; ++i) {
     const std::uint32_t word = gradient.words[i];
     ASSERT_EQ(word & 0xFFFF, ct.pairs()[i]);
     for (const std::uint32_t byte : {word >> 16 & 0xFF, word >> 24})
