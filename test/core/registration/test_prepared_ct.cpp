@@ -147,6 +147,18 @@ TEST(PreparedCt, ChangesNoBitOfAResult) {
               registered(images, nearby(images), options));
 }
 
+TEST(PreparedCt, ChangesNoBitOfAResultWhateverWasRegisteredBefore) {
+  const RegistrationCase& images = patient_case();
+  const RegistrationOptions options = quick_options();
+  const PreparedCt prepared(images.ct, options);
+  const std::size_t memory = prepared.bytes();
+  const Eigen::Isometry3d elsewhere = Eigen::Translation3d(15.0, -20.0, 10.0) * nearby(images);
+  register_ultrasound(images.us, prepared, elsewhere, options);
+  EXPECT_GT(prepared.bytes(), memory);  // what was reached is kept
+  expect_same(register_ultrasound(images.us, prepared, nearby(images), options),
+              registered(images, nearby(images), options));
+}
+
 TEST(PreparedCt, LeavesTheCtOfOtherOptionsToTheRegistration) {
   const RegistrationCase& images = agar_case();
   const PreparedCt prepared(images.ct, quick_options());
