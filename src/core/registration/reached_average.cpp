@@ -42,8 +42,7 @@ bool ReachedAverage::is_for(const HuWindow& window, const std::vector<Vector3i>&
 PackedPart ReachedAverage::over(const Region& region) const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!packed_ || !holds(kept_, region)) {
-    // What was reached before is kept too, unless it lies so far away that most would be reached by
-    // no one.
+    // The part from before is kept too, unless both together are far larger than the region.
     constexpr double kMost = 1.5;
     const Region wanted = in_cubes(region, bytes_.grid.size);
     const Region both = packed_ ? around(kept_, wanted) : wanted;

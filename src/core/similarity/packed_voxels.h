@@ -28,8 +28,8 @@ class PackedVoxels {
   const Grid& grid() const { return bytes_.grid; }
   const HuWindow& window() const { return window_; }
 
-  /// Where voxel (i, j, k) is in what follows: at i + j * stride_j() + k * stride_k(). The last j
-  /// has no place.
+  /// Voxel (i, j, k) is at i + j * stride_j() + k * stride_k() of the arrays that follow. The last
+  /// j has no place there.
   std::size_t stride_j() const { return stride_j_; }
   std::size_t stride_k() const { return stride_k_; }
   /// Pairs of voxels: (i, j, k) in the low byte, (i, j + 1, k) in the high one.
