@@ -46,8 +46,9 @@ PackedPart ReachedAverage::over(const Region& region) const {
     constexpr double kMost = 1.5;
     const Region wanted = in_cubes(region, bytes_.grid.size);
     const Region both = packed_ ? around(kept_, wanted) : wanted;
-    kept_ = volume(both) <= kMost * volume(wanted) ? both : wanted;
-    packed_ = std::make_shared<const PackedVoxels>(crop(bytes_, kept_), window_);
+    const Region next = volume(both) <= kMost * volume(wanted) ? both : wanted;
+    packed_ = std::make_shared<const PackedVoxels>(crop(bytes_, next), window_);
+    kept_ = next;  // not before: if memory runs out, the part from before stays
   }
   return {packed_, kept_.begin};
 }
