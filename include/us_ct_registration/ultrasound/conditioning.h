@@ -102,9 +102,9 @@ struct ConditionedUltrasound {
 /// median over the middle half of the line. The near field ends behind the last depth (within
 /// near_field_limit_mm) at which the profile differs from that median by more than 3 robust
 /// standard deviations and by more than 20 %. *Far wall*: for each beam, the first depth in its
-/// deeper half at which the brightness exceeds 1.5 times the upper decile of the first two thirds
-/// of all beams (or grey 180, if that is less). The median of this depth over neighbouring beams is
-/// taken, so that single echoes do not count.
+/// deeper half at which it is brighter than all beams are in their nearer half, behind the near
+/// field, whatever the brightness and contrast of the display. The median of this depth over
+/// neighbouring beams is taken, so that single echoes do not count.
 ///
 /// Windows are Gaussians in millimetres: along the samples, across lines, and across frames. The
 /// distance of neighbouring lines is taken at each depth in the middle frame, that of neighbouring

@@ -10,7 +10,6 @@
 #include "require.h"
 #include "ultrasound/depth_profiles.h"
 #include "ultrasound/gaussian_sums.h"
-#include "ultrasound/nth_value.h"
 
 namespace usct {
 namespace {
@@ -19,8 +18,6 @@ constexpr double kSpeckleSigmaMm = 1.5;
 constexpr double kRobustDeviations = 3.0;
 constexpr double kMadToDeviation = 1.4826;
 constexpr double kNearFieldChange = 0.2;
-constexpr double kWallRise = 1.5;
-constexpr double kSurelyWallGrey = 180.0;
 constexpr double kDarkShare = 0.9;
 constexpr int kWallNeighbours = 4;  // lines and frames to either side of a beam
 constexpr float kConstantGrey = 1.0F;
@@ -157,25 +154,23 @@ class Exclusion {
     std::fill(wall_.begin(), wall_.end(), samples_);
   }
 
-  /// Grey value that only a far wall exceeds: tissue rarely exceeds its own upper decile by half.
-  /// The upper limit applies if the wall itself raises that decile.
+  /// The grey value that only a far wall exceeds: that of the brightest sample in the nearer half.
+  /// It is the same sample however the scanner displays brightness, and fat behind a kidney is not
+  /// brighter than fat in front of it.
   double wall_grey() const {
-    constexpr int kBeams = 2000;  // approximate number from which the decile is estimated
-    const int step = std::max(1, beams_ / kBeams);
-    const int end = samples_ * 2 / 3;
+    const int half = samples_ / 2;
     int first = 0;
-    while (first < end && axial_.depth_mm(first) < result_.min_depth_mm) ++first;
-    std::vector<float> values(static_cast<std::size_t>(end - first) *
-                              static_cast<std::size_t>(beams_ / step + 1));
-    std::size_t count = 0;
-    for (int beam = 0; beam < beams_; beam += step)
-      for (int s = first; s < end; ++s) {
-        values[count] = soft_[at(beam, s)];
-        count += is_known(at(beam, s)) ? 1 : 0;
-      }
-    if (count == 0) return std::numeric_limits<double>::infinity();
-    const double decile = nth_value(values.data(), count, count * 9 / 10);
-    return std::max(std::min(kWallRise * decile, kSurelyWallGrey), options_.visible_grey);
+    while (first < half && axial_.depth_mm(first) < result_.min_depth_mm) ++first;
+    if (first == half) return std::numeric_limits<double>::infinity();  // nothing to compare with
+    std::vector<float> brightest(static_cast<std::size_t>(us_.beams.frames));
+    for_frames([&](int first_beam, int last_beam) {
+      float most = 0.0F;
+      for (int beam = first_beam; beam < last_beam; ++beam)
+        for (int s = first; s < half; ++s) most = std::max(most, soft_[at(beam, s)]);
+      brightest[static_cast<std::size_t>(first_beam / us_.beams.lines)] = most;
+    });
+    return std::max<double>(*std::max_element(brightest.begin(), brightest.end()),
+                            options_.visible_grey);
   }
 
   int bright_echo(int beam, double wall_grey) const {

@@ -197,15 +197,25 @@ TEST(Conditioning, DarkToTheEndIsShadowButADarkLumenIsNot) {
   }
 }
 
-TEST(Conditioning, NearFieldIsFoundAndAFarWallCutBeamByBeam) {
+/// Speckle with a bright standoff in the first 16 mm, and an oblique wall from sample 45 on.
+BeamUltrasound with_standoff_and_wall() {
   BeamUltrasound us = speckle(convex_beams(24, 12));
   for (int frame = 0; frame < 12; ++frame)
     for (int line = 0; line < 24; ++line) {
-      for (int s = 0; s < 15; ++s)
-        us.brightness[at(us.beams, s, line, frame)] += 100.0F;  // to 16 mm
-      const int wall = 45 + line / 3;                           // oblique
-      for (int s = wall; s < 60; ++s) us.brightness[at(us.beams, s, line, frame)] = 230.0F;
+      for (int s = 0; s < 15; ++s) us.brightness[at(us.beams, s, line, frame)] += 100.0F;
+      for (int s = 45 + line / 3; s < 60; ++s) us.brightness[at(us.beams, s, line, frame)] = 230.0F;
     }
+  return us;
+}
+
+/// As a scanner displays it with another contrast: below 1 it is brighter, above 1 darker.
+void display(BeamUltrasound& us, double exponent) {
+  for (float& value : us.brightness)
+    value = static_cast<float>(255.0 * std::pow(value / 255.0, exponent));
+}
+
+TEST(Conditioning, NearFieldIsFoundAndAFarWallCutBeamByBeam) {
+  const BeamUltrasound us = with_standoff_and_wall();
   const ConditionedUltrasound result = condition(us, {});
   EXPECT_NEAR(result.min_depth_mm, 17.0, 2.0);  // speckle averaged over 1.5 mm
   EXPECT_EQ(result.far_wall_share, 1.0);
@@ -217,6 +227,43 @@ TEST(Conditioning, NearFieldIsFoundAndAFarWallCutBeamByBeam) {
   ConditioningOptions given;
   given.depth.max_mm = 60.0;
   EXPECT_EQ(condition(us, given).far_wall_share, 0.0);
+}
+
+TEST(Conditioning, AFarWallIsTheSameHoweverBrightnessIsDisplayed) {
+  const auto excluded = [](double exponent) {
+    BeamUltrasound us = with_standoff_and_wall();
+    display(us, exponent);
+    const ConditionedUltrasound result = condition(us, {});
+    EXPECT_EQ(result.far_wall_share, 1.0) << exponent;
+    return std::count_if(result.reasons.begin(), result.reasons.end(),
+                         [](std::uint8_t reasons) { return (reasons & kFarWall) != 0; });
+  };
+  const auto usual = static_cast<double>(excluded(1.0));
+  constexpr double kBlurred = 1.5;  // samples of each beam: speckle is averaged over 1.5 mm
+  for (const double exponent : {0.4, 0.7, 1.5, 2.0})
+    EXPECT_NEAR(static_cast<double>(excluded(exponent)), usual, kBlurred * 24 * 12) << exponent;
+}
+
+TEST(Conditioning, BrightTissueBehindADarkOrganIsNoFarWall) {
+  // A dark organ in fat, which is as bright behind it as in front of it.
+  BeamUltrasound dark_organ = speckle(convex_beams(24, 12));
+  const Eigen::Vector3d middle = dark_organ.beams.point(6, 12, 30);
+  for (int frame = 0; frame < 12; ++frame)
+    for (int line = 0; line < 24; ++line)
+      for (int s = 0; s < 60; ++s)
+        if ((dark_organ.beams.point(frame, line, s) - middle).norm() < 12.0)
+          dark_organ.brightness[at(dark_organ.beams, s, line, frame)] *= 0.5F;
+  for (const double exponent : {0.3, 0.5, 1.0, 2.0}) {
+    BeamUltrasound us = dark_organ;
+    display(us, exponent);
+    EXPECT_EQ(condition(us, {}).far_wall_share, 0.0) << exponent;
+  }
+}
+
+TEST(Conditioning, WhereNothingNearerCountsNoFarWallIsFound) {
+  ConditioningOptions options;
+  options.depth.min_mm = 40.0;  // the deeper half begins at 32 mm
+  EXPECT_EQ(condition(with_standoff_and_wall(), options).far_wall_share, 0.0);
 }
 
 TEST(Conditioning, ACartesianVolumeIsReadAlongItsBeams) {
