@@ -119,6 +119,7 @@ add_test(NAME package_study_cases COMMAND ${Python3_EXECUTABLE} ${package_tests}
 add_test(NAME package_overlay_error COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_overlay_error.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_self_cases.py)
+add_test(NAME confidence_altered_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_altered_cases.py)
 add_test(NAME soak_watcher COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/bench/soak/test_soak.py)
 if(NOT USCT_CORE_ONLY)
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})
