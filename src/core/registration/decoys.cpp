@@ -50,14 +50,32 @@ constexpr double kMiddleOfAnatomyMm = 10.0;
 /// Mirrored CTs share the climbs of so many searches.
 constexpr int kMirroredCtSearches = 2;
 
-/// Translations along the normal of the plane in which a CT is mirrored; none for ultrasound.
-std::vector<Vector3d> start_shifts_us_mm(const Decoy& decoy) {
-  if (!is_of_ct(decoy.mirror)) return {};
-  const Matrix3d along_normal = Matrix3d::Identity() - decoy.T_mirror.linear();  // 2 n n^T
+/// Translations along the normal of the plane in which a CT is mirrored.
+std::vector<Vector3d> along_normal(const Isometry3d& T_mirror) {
+  const Matrix3d projection = Matrix3d::Identity() - T_mirror.linear();  // 2 n n^T
   Matrix3d::Index axis = 0;
-  along_normal.diagonal().maxCoeff(&axis);
-  const Vector3d shift = 2.0 * kMiddleOfAnatomyMm * along_normal.col(axis).normalized();
+  projection.diagonal().maxCoeff(&axis);
+  const Vector3d shift = 2.0 * kMiddleOfAnatomyMm * projection.col(axis).normalized();
   return {shift, -shift};
+}
+
+/// The middle of all samples, whether they count or not.
+Vector3d middle_us_mm(const BeamGrid& beams) {
+  const double depth_mm = beams.axial.depth_mm(0.5 * (beams.samples() - 1));
+  Vector3d sum = Vector3d::Zero();
+  for (const Beam& beam : beams.beams) sum += beam.origin_mm + depth_mm * beam.direction;
+  return sum / static_cast<double>(beams.beams.size());
+}
+
+/// The translation to where ultrasound lies that was recorded in reverse order, from where it lies
+/// mirrored about the centre of what counts of it; none where the starts reach it anyway.
+std::vector<Vector3d> to_recorded_mirror(Mirror mirror, const BeamGrid& beams,
+                                         const Vector3d& centre_us_mm) {
+  constexpr double kReachedAnywayMm = 5.0;
+  const Vector3d shift = mirror_of(mirror, beams, centre_us_mm).translation() -
+                         mirror_of(mirror, beams, middle_us_mm(beams)).translation();
+  if (shift.norm() <= kReachedAnywayMm) return {};
+  return {shift};
 }
 
 /// The mirrored similarities of decoys, and the problems of searching with them.
@@ -76,7 +94,7 @@ class DecoyProblems {
         similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
       // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
       all_.push_back({std::move(similarities), problem.options, problem.T_us_ct_initial,
-                      problem.field, problem.seed, T_us_ct_found, start_shifts_us_mm(decoy)});
+                      problem.field, problem.seed, T_us_ct_found, decoy.start_shifts_us_mm});
     }
   }
   const std::vector<SearchProblem>& all() const { return all_; }
@@ -172,10 +190,16 @@ std::vector<Decoy> searched_further(std::vector<Decoy> decoys, const SearchProbl
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  int rounds, Run& run) {
+  const Vector3d& centre = problem.field.centre_us_mm();
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn}) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
-    decoys.push_back({mirror, mirror_of(mirror, beams, problem.field.centre_us_mm()), {}, {}});
+    decoys.push_back({mirror,
+                      mirror_of(mirror, beams, centre),
+                      {},
+                      {},
+                      0,
+                      to_recorded_mirror(mirror, beams, centre)});
   }
   return searched_further(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
@@ -185,12 +209,11 @@ std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       int rounds, Run& run) {
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kCtAxis1, Mirror::kCtAxis2, Mirror::kCtAxis3,
-                              Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23})
-    decoys.push_back(
-        {mirror,
-         ct_mirror_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm()),
-         {},
-         {}});
+                              Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23}) {
+    const Isometry3d T_mirror =
+        ct_mirror_of(mirror, axes, problem.T_us_ct_initial, problem.field.centre_us_mm());
+    decoys.push_back({mirror, T_mirror, {}, {}, 0, along_normal(T_mirror)});
+  }
   return searched_further(std::move(decoys), problem, T_us_ct_found, rounds, run);
 }
 

@@ -67,10 +67,14 @@ struct Decoy {
   /// All optima of the rounds so far, best first.
   std::vector<Candidate> optima;
   int rounds = 0;
+  /// Where else it is searched for: SearchProblem::start_shifts_us_mm.
+  std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
 };
 
 /// Searches for the decoys as `problem` searches for the ultrasound, and climbs from the pose that
-/// was found for it too. Decoys without any value are left out.
+/// was found for it too. Where what counts lies beside the middle of the recorded field, it also
+/// looks where the ultrasound would lie if its lines or frames had been recorded in reverse order.
+/// Decoys without any value are left out.
 std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  int rounds, Run& run);

@@ -149,9 +149,10 @@ class Searched {
   /// The decoys of a symmetric sweep around the middle of the field.
   std::vector<Decoy> decoys(const Similarity& similarity, const Isometry3d& T_us_ct_found,
                             int rounds = 1) {
-    return registration::search_decoys(
-        {{{&similarity, nullptr}, {&similarity, nullptr}}, options_, initial_, field_, 1},
-        T_us_ct_found, beams(), rounds, run_);
+    return decoys(similarity, T_us_ct_found, beams(), rounds);
+  }
+  std::vector<Decoy> decoys(const BeamGrid& beams) {
+    return decoys(peaks_, Isometry3d::Identity(), beams, 1);
   }
   std::vector<Decoy> decoys(const Isometry3d& T_us_ct_found, int rounds = 1) {
     return decoys(peaks_, T_us_ct_found, rounds);
@@ -174,6 +175,13 @@ class Searched {
   static BeamGrid beams() { return symmetric_motorised(40, 9, 9, 0.05, 0.05); }
 
  private:
+  std::vector<Decoy> decoys(const Similarity& similarity, const Isometry3d& T_us_ct_found,
+                            const BeamGrid& beams, int rounds) {
+    return registration::search_decoys(
+        {{{&similarity, nullptr}, {&similarity, nullptr}}, options_, initial_, field_, 1},
+        T_us_ct_found, beams, rounds, run_);
+  }
+
   registration::FieldPoints field_ = cube_field();
   PeaksSimilarity peaks_;
   SearchOptions options_;
@@ -236,6 +244,30 @@ TEST(SearchMirroredCt, LooksBesideTheMiddleOfTheField) {
     const std::vector<Decoy> mirrored_ct = searched.of_mirrored_ct(Isometry3d::Identity(), axes);
     ASSERT_EQ(mirrored_ct.front().mirror, Mirror::kCtAxis1);
     EXPECT_LT(searched.distance_mm(mirrored_ct.front().best.T_us_ct, beside), 1.0);
+  }
+}
+
+/// Where the lines on one side have no contact, what counts lies beside the middle of the recorded
+/// field. If lines and frames were recorded in reverse order, the ultrasound lies twice as far on
+/// the other side of it, beyond what is searched otherwise.
+TEST(SearchDecoys, LookWhereUltrasoundInReverseOrderWouldLie) {
+  const Isometry3d right(Eigen::Translation3d(6.0, -5.0, 4.0));
+  const Vector3d beside(60.0, 0.0, 60.0);  // so far that no climb reaches it from other starts
+  BeamGrid beams = Searched::beams();
+  for (Beam& beam : beams.beams) beam.origin_mm += beside;
+  const Vector3d middle = cube_field().centre_us_mm() + beside;
+  for (const Mirror mirror : kMirrors) {
+    // The ultrasound as it would have been recorded in the other order fits at `right`.
+    Searched searched({{mirror_of(mirror, beams, middle) * right, 1.0, 3.0}});
+    const std::vector<Decoy> decoys = searched.decoys(beams);
+    ASSERT_EQ(decoys.size(), 3U);
+    for (const Decoy& decoy : decoys) {
+      if (decoy.mirror != mirror) continue;
+      EXPECT_NEAR(decoy.best.value, 1.0, 0.02);
+      EXPECT_LT(searched.distance_mm(decoy.T_mirror * decoy.best.T_us_ct,
+                                     mirror_of(mirror, beams, middle) * right),
+                1.0);
+    }
   }
 }
 
