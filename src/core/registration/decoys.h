@@ -67,7 +67,7 @@ struct Decoy {
   /// All optima of the rounds so far, best first.
   std::vector<Candidate> optima;
   int rounds = 0;
-  /// Where else it is searched for: SearchProblem::start_shifts_us_mm.
+  /// The search looks for it at these translations too: SearchProblem::start_shifts_us_mm.
   std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
 };
 
