@@ -117,6 +117,12 @@ void climb_from(const Isometry3d& T_us_ct_found, const std::vector<SearchProblem
 
 }  // namespace
 
+bool lacks_a_side(const std::vector<Decoy>& decoys) {
+  return std::any_of(decoys.begin(), decoys.end(), [](const Decoy& decoy) {
+    return !is_of_ct(decoy.mirror) && !decoy.start_shifts_us_mm.empty();
+  });
+}
+
 bool is_of_ct(Mirror mirror) {
   return mirror != Mirror::kLines && mirror != Mirror::kFrames && mirror != Mirror::kHalfTurn;
 }

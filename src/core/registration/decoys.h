@@ -79,6 +79,10 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
                                  const Eigen::Isometry3d& T_us_ct_found, const BeamGrid& beams,
                                  int rounds, Run& run);
 
+/// Whether much more of the field counts on one side than on the other, as the decoys of such
+/// ultrasound show: they are also searched for elsewhere.
+bool lacks_a_side(const std::vector<Decoy>& decoys);
+
 /// Whether the CT is mirrored, and not the ultrasound.
 bool is_of_ct(Mirror mirror);
 

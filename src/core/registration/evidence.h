@@ -37,9 +37,9 @@ struct EvidenceInput {
 /// better than its mirror images.
 bool is_beyond_doubt(const Measures& measures, double limit);
 
-/// Whether a pose is compared with mirrored CTs before it is accepted: it is not beyond doubt, or a
-/// mirror image of the ultrasound fits almost as well.
-bool may_be_in_mirrored_ct(const Measures& measures, double limit);
+/// Whether a pose is compared with mirrored CTs before it is accepted: it is not beyond doubt, a
+/// mirror image of the ultrasound fits almost as well, or the field lacks a side.
+bool may_be_in_mirrored_ct(const Measures& measures, bool lacks_a_side, double limit);
 
 /// The measures of a pose whose best mirror image is a mirrored CT with more similarity: the pose
 /// has `ratio` times its similarity and `advantage` over it. Unset if the pose is no less probable

@@ -261,6 +261,8 @@ TEST(SearchDecoys, LookWhereUltrasoundInReverseOrderWouldLie) {
     Searched searched({{mirror_of(mirror, beams, middle) * right, 1.0, 3.0}});
     const std::vector<Decoy> decoys = searched.decoys(beams);
     ASSERT_EQ(decoys.size(), 3U);
+    EXPECT_TRUE(registration::lacks_a_side(decoys));
+    EXPECT_FALSE(registration::lacks_a_side(searched.decoys(Searched::beams())));
     for (const Decoy& decoy : decoys) {
       if (decoy.mirror != mirror) continue;
       EXPECT_NEAR(decoy.best.value, 1.0, 0.02);

@@ -39,10 +39,17 @@ TEST(BeyondDoubt, NotIfAMirrorImageFitsAsWell) {
 TEST(MirroredCt, IsSearchedForWhereAMirrorImageFitsAlmostAsWell) {
   for (const double ratio : {1.054, 1.251}) {
     EXPECT_TRUE(is_beyond_doubt(measures(0.022, 0.449, ratio), kPresetLimit));
-    EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.449, ratio), kPresetLimit));
+    EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.449, ratio), false, kPresetLimit));
   }
-  EXPECT_FALSE(may_be_in_mirrored_ct(measures(0.022, 0.449, 1.5), kPresetLimit));
-  EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.04, 0.449, 1.5), kPresetLimit));
+  EXPECT_FALSE(may_be_in_mirrored_ct(measures(0.022, 0.449, 1.5), false, kPresetLimit));
+  EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.04, 0.449, 1.5), false, kPresetLimit));
+}
+
+/// Ultrasound a third of whose lines had no contact fitted a CT with exchanged axes, and was beyond
+/// doubt with these measures.
+TEST(MirroredCt, IsSearchedForWhereTheFieldLacksASide) {
+  EXPECT_TRUE(is_beyond_doubt(measures(0.022, 0.474, 1.645), kPresetLimit));
+  EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.474, 1.645), true, kPresetLimit));
 }
 
 TEST(BeyondDoubt, NotWithoutEvidence) {
