@@ -25,6 +25,8 @@ struct BeamGrid {
   std::vector<Beam> beams;  // beams[frame * lines + line]
   /// Whether the poses of the frames come from a tracker, whose clock may differ from the images'.
   bool tracked = false;
+  /// Whether the frames do not lie where they were recorded, but where images have shown.
+  bool corrected_sweep = false;
 
   int samples() const { return axial.samples; }
   const Beam& beam(int frame, int line) const {

@@ -79,6 +79,7 @@ struct Measures {
   /// expected error, unless the refinement has made up for it.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
+  std::optional<double> sweep_unevenness;
   /// Similarity with the errors of that check over the most that a pose near by reaches without
   /// any, and Student's t of this comparison, patch by patch.
   std::optional<double> errors_ratio;

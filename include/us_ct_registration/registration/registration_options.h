@@ -116,6 +116,9 @@ struct ErrorOptions {
   double parts_factor = 0.5;
   /// Error of the speed of sound, as a share of the depth; [0, 0.2].
   double sound_speed_share = 0.01;
+  /// What is left of the error of a sweep that was corrected, as a share of the distance from its
+  /// middle; [0, 0.2].
+  double sweep_share = 0.035;
   /// Time between images and poses of a tracked sweep, in frames; >= 0.
   double lag_frames = 1.0;
   /// Shift by all other errors, root mean square, mm; >= 0.
@@ -174,6 +177,10 @@ struct RegistrationOptions {
   /// If unset, the best optimum of the search is the result.
   std::optional<RefinementOptions> refinement;
   ConfidenceOptions confidence;
+  /// Whether the registration is made again on ultrasound whose frames lie where its images show
+  /// that they do, if that is elsewhere than recorded: a motor that is slower than its probe file
+  /// says, on one side or on both.
+  bool correct_sweep = true;
   std::uint32_t seed = 1;
 
   /// The default options are those of the preset `patient`.

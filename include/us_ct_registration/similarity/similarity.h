@@ -10,7 +10,7 @@
 
 namespace usct {
 
-/// Errors of an acquisition that a registration may estimate along with the pose. Both are
+/// Errors of an acquisition that a registration may estimate along with the pose. All are
 /// fractions, 0 where the recorded geometry is right.
 struct AcquisitionErrors {
   /// Echoes lie at (1 + depth) times the recorded depth, as with a wrong speed of sound.
@@ -18,6 +18,11 @@ struct AcquisitionErrors {
   /// Frames lie (1 + sweep) times as far from the middle frame as recorded, by an error of the
   /// motor's angle or of the tracked path.
   double sweep = 0.0;
+  /// What is added to `sweep` for the frames after the middle one, and taken from it for those
+  /// before: a motor that is slower on one side than on the other.
+  double unevenness = 0.0;
+
+  bool any() const { return depth != 0.0 || sweep != 0.0 || unevenness != 0.0; }
 };
 
 /// A pose, with errors of the acquisition, at which a similarity is evaluated.
@@ -36,10 +41,10 @@ struct SimilarityValue {
 
 /// A similarity near a pose to second order, as a function of a small motion of the ultrasound's
 /// samples in the US frame, a rotation vector (rad) about its origin and a translation (mm), and of
-/// AcquisitionErrors::depth and ::sweep.
+/// AcquisitionErrors::depth, ::sweep and ::unevenness.
 struct SimilarityDerivatives {
   static constexpr int kMotion = 6;  // parameters of the motion, which come first
-  static constexpr int kCount = kMotion + 2;
+  static constexpr int kCount = kMotion + 3;
   using Vector = Eigen::Matrix<double, kCount, 1>;
   using Matrix = Eigen::Matrix<double, kCount, kCount>;
 

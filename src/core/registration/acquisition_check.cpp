@@ -78,6 +78,7 @@ AcquisitionErrors most_errors(const SimilarityOptions& similarity) {
   constexpr double kMostError = 0.15;
   const SimilarityNeeds needs = needs_of(similarity);
   return {needs.follows_depth_error ? kMostError : 0.0,
+          needs.follows_sweep_error ? kMostError : 0.0,
           needs.follows_sweep_error ? kMostError : 0.0};
 }
 
@@ -98,27 +99,27 @@ std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
   if (!stretched) return std::nullopt;
   const ErrorClimbs climbs(*stretched, {judged.T_us_ct, {}}, options, field, run);
   const AcquisitionErrors most = most_errors(similarity);
-  const AcquisitionErrors depth{most.depth, 0.0};
-  const AcquisitionErrors sweep{0.0, most.sweep};
+  const AcquisitionErrors depth{most.depth, 0.0, 0.0};
+  const AcquisitionErrors sweep{0.0, most.sweep, most.unevenness};
   const Candidate recorded = climbs.best({});
   if (!is_same_optimum(judged, recorded, images.ultrasound().beams, field))
     return AcquisitionCheck{{}, judged.T_us_ct, 1.0, 0.0};
-  const Candidate both = climbs.best(most);
+  const Candidate all = climbs.best(most);
   const auto is_same = [&](const Candidate& with_errors) {
     return is_same_optimum(with_errors, recorded, images.ultrasound().beams, field);
   };
-  if (!is_same(both)) return AcquisitionCheck{{}, recorded.T_us_ct, 1.0, 0.0};
-  const Comparison gain = climbs.compare(both, recorded);
-  // An error may take up what the other one leaves over. It does not count where the ultrasound
-  // fits about as well without it.
+  if (!is_same(all)) return AcquisitionCheck{{}, recorded.T_us_ct, 1.0, 0.0};
+  const Comparison gain = climbs.compare(all, recorded);
+  // Errors may take up what others leave over. They do not count where the ultrasound fits about as
+  // well without them.
   std::optional<Candidate> simpler;
   if (is_clear(gain))
-    for (const AcquisitionErrors& one : {depth, sweep}) {
-      const Candidate alone = climbs.best(one);
-      if (!is_same(alone) || is_clear(climbs.compare(both, alone))) continue;
+    for (const AcquisitionErrors& some : {depth, sweep}) {
+      const Candidate alone = climbs.best(some);
+      if (!is_same(alone) || is_clear(climbs.compare(all, alone))) continue;
       if (!simpler || alone.value > simpler->value) simpler = alone;
     }
-  const Candidate best = simpler.value_or(both);
+  const Candidate best = simpler.value_or(all);
   return AcquisitionCheck{best.errors, best.T_us_ct, gain.ratio, gain.advantage};
 }
 
@@ -131,9 +132,22 @@ bool shows_wrong_depths(const Measures& measures) {
   return shows_errors(measures) && measures.depth_error && std::abs(*measures.depth_error) > kBias;
 }
 
+bool is_beyond_bias(const AcquisitionErrors& sweep) {
+  constexpr double kBias = 0.05;
+  return std::abs(sweep.sweep) + std::abs(sweep.unevenness) > kBias;
+}
+
+AcquisitionErrors shown_sweep(const Measures& measures) {
+  const AcquisitionErrors sweep{0.0, measures.sweep_error.value_or(0.0),
+                                measures.sweep_unevenness.value_or(0.0)};
+  if (!shows_wrong_sweep_alone(measures) || !is_beyond_bias(sweep)) return {};
+  return sweep;
+}
+
 bool shows_wrong_sweep_alone(const Measures& measures) {
-  return shows_errors(measures) && measures.sweep_error.value_or(0.0) != 0.0 &&
-         !shows_wrong_depths(measures);
+  const bool is_wrong =
+      measures.sweep_error.value_or(0.0) != 0.0 || measures.sweep_unevenness.value_or(0.0) != 0.0;
+  return shows_errors(measures) && is_wrong && !shows_wrong_depths(measures);
 }
 
 }  // namespace usct::registration

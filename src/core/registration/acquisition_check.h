@@ -13,12 +13,12 @@ namespace usct::registration {
 /// The errors of the acquisition with which the ultrasound fits best near a pose, and what speaks
 /// for them.
 struct AcquisitionCheck {
-  /// An error that the similarity cannot follow is 0, and so is one without which the ultrasound
-  /// fits about as well as with both.
+  /// An error that the similarity cannot follow is 0. So is that of the depths, or those of the
+  /// sweep, without which the ultrasound fits about as well as with all.
   AcquisitionErrors errors;
   /// The pose that goes with these errors.
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
-  /// Similarity with both errors over the most that a pose near by reaches without any.
+  /// Similarity with all errors over the most that a pose near by reaches without any.
   double ratio = 1.0;
   /// Student's t of the same comparison, patch by patch.
   double advantage = 0.0;
@@ -44,6 +44,11 @@ std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
 bool shows_errors(const Measures& measures);
 /// Whether they show depths that are wrong by more than the estimate's bias.
 bool shows_wrong_depths(const Measures& measures);
+/// Whether a sweep is wrong on one side by more than the bias of the estimate.
+bool is_beyond_bias(const AcquisitionErrors& sweep);
+/// The wrong sweep that they show, if it is beyond the bias and the depths are right; else no
+/// errors.
+AcquisitionErrors shown_sweep(const Measures& measures);
 /// Whether they show a wrong sweep and right depths. The kidney then lies where the pose puts it,
 /// but for the stretch of the sweep; with wrong depths it does not.
 bool shows_wrong_sweep_alone(const Measures& measures);

@@ -29,15 +29,17 @@ class Parameters {
 
   OptimizerProblem problem() const {
     const AcquisitionErrors& limits = how_.error_limits;
-    const int count = 6 + (limits.depth > 0.0 ? 1 : 0) + (limits.sweep > 0.0 ? 1 : 0);
+    const int count = 6 + (limits.depth > 0.0 ? 1 : 0) + (limits.sweep > 0.0 ? 1 : 0) +
+                      (limits.unevenness > 0.0 ? 1 : 0);
     OptimizerProblem problem;
     problem.start = VectorXd::Zero(count);
     problem.lower = VectorXd::Constant(count, -how_.reach_mm);
     problem.upper = VectorXd::Constant(count, how_.reach_mm);
     problem.scale = VectorXd::Ones(count);
     int at = 6;
-    for (const auto& [limit, error] : {std::pair(limits.depth, from_.errors.depth),
-                                       std::pair(limits.sweep, from_.errors.sweep)}) {
+    for (const auto& [limit, error] :
+         {std::pair(limits.depth, from_.errors.depth), std::pair(limits.sweep, from_.errors.sweep),
+          std::pair(limits.unevenness, from_.errors.unevenness)}) {
       if (!(limit > 0.0)) continue;
       // One percent moves the far end of a usual field of view by about a millimetre.
       constexpr double kScale = 0.01;
@@ -55,6 +57,7 @@ class Parameters {
     int at = 6;
     if (how_.error_limits.depth > 0.0) result.errors.depth = x[at++];
     if (how_.error_limits.sweep > 0.0) result.errors.sweep = x[at++];
+    if (how_.error_limits.unevenness > 0.0) result.errors.unevenness = x[at++];
     return result;
   }
 
@@ -76,6 +79,7 @@ class Parameters {
     int at = kMotion;
     if (how_.error_limits.depth > 0.0) changes(kMotion, at++) = 1.0;
     if (how_.error_limits.sweep > 0.0) changes(kMotion + 1, at++) = 1.0;
+    if (how_.error_limits.unevenness > 0.0) changes(kMotion + 2, at++) = 1.0;
     return changes;
   }
 

@@ -207,6 +207,7 @@ Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures
   if (!found) return refined;
   if (!measures.depth_error) measures.depth_error = found->errors.depth;
   if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;
+  measures.sweep_unevenness = found->errors.unevenness;
   measures.errors_ratio = found->ratio;
   measures.errors_advantage = found->advantage;
   return shows_wrong_sweep_alone(measures) ? Candidate{found->T_us_ct, found->errors} : refined;
@@ -269,8 +270,8 @@ void Evidence::compare_agreement(Measures& measures, Run& run) {
   if (!fitted || !asked) return;
   // Mirror images get the same freedom as the pose.
   AcquisitionErrors errors;
-  if (shows_wrong_sweep_alone(measures))
-    errors.sweep = most_errors(in_.options.ridge_similarity).sweep;
+  if (shows_wrong_sweep_alone(measures)) errors = most_errors(in_.options.ridge_similarity);
+  errors.depth = 0.0;
   measures.mirror_agreement = mirror_agreement(*decoys_, *fitted, *asked, in_.options.parts, errors,
                                                agreement_options(in_, field()), field(), run);
 }

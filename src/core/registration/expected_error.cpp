@@ -57,7 +57,9 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
   add(shift(depth_share * depth_of(centre_us_mm, recorded, axial) * axial));
   const Vector3d path =
       middle_of_frame(recorded, recorded.frames - 1) - middle_of_frame(recorded, 0);
-  add(shift(0.25 * shown.sweep * path));
+  const double sweep_share =
+      recorded.corrected_sweep ? std::max(options.sweep_share, std::abs(shown.sweep)) : shown.sweep;
+  add(shift(0.25 * sweep_share * path));
   if (recorded.tracked && recorded.frames > 1)
     add(shift(options.lag_frames / (recorded.frames - 1) * path));
   return covariance + shift_covariance(options.other_mm);

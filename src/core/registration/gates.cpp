@@ -61,6 +61,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"error_bound_mm", &Measures::error_bound_mm},
       {"depth_error", &Measures::depth_error},
       {"sweep_error", &Measures::sweep_error},
+      {"sweep_unevenness", &Measures::sweep_unevenness},
       {"errors_ratio", &Measures::errors_ratio},
       {"errors_advantage", &Measures::errors_advantage},
       {"sweep_motion_mm", &Measures::sweep_motion_mm},

@@ -1,11 +1,13 @@
 #include "registration/pipeline.h"
 
+#include "registration/acquisition_check.h"
 #include "registration/as_patient.h"
 #include "registration/assessment.h"
 #include "registration/image_pyramid.h"
 #include "registration/multi_start.h"
 #include "registration/refinement.h"
 #include "registration/verdict.h"
+#include "similarity/sweep_motion.h"
 
 namespace usct::registration {
 namespace {
@@ -215,6 +217,40 @@ Outcome<PipelineResult> registered(const BeamUltrasound& us, const PreparedCt& c
   return **found;
 }
 
+/// The registration of ultrasound with its frames where its images show that they lie, if that is
+/// elsewhere than recorded. A trail tells it at once. Where the pose on corrected ultrasound is not
+/// accepted, the result is that of the ultrasound as it was before.
+Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded,
+                                                  const PreparedCt& ct,
+                                                  const Eigen::Isometry3d& T_us_ct_initial,
+                                                  const RegistrationOptions& options,
+                                                  const Trail* trail, double reach_mm, Run& run) {
+  const auto without = [&](const AcquisitionErrors& errors, const Trail* followed) {
+    if (!errors.any())
+      return registered(recorded, ct, T_us_ct_initial, options, followed, reach_mm, run);
+    const BeamUltrasound corrected{with_sweep(recorded.beams, errors), recorded.brightness,
+                                   recorded.known};
+    return registered(corrected, ct, T_us_ct_initial, options, followed, reach_mm, run);
+  };
+  const auto corrected_by = [](const AcquisitionErrors& errors, PipelineResult found) {
+    tell_corrected_sweep(errors, found.result);
+    if (found.trail) found.trail->corrected = errors;
+    return found;
+  };
+  const AcquisitionErrors known = trail == nullptr ? AcquisitionErrors{} : trail->corrected;
+  const Outcome<PipelineResult> found = without(known, trail);
+  if (!found) return found.refusal();
+  const AcquisitionErrors shown =
+      options.correct_sweep ? shown_sweep(found->result.measures) : AcquisitionErrors{};
+  if (!shown.any()) return corrected_by(known, *found);
+  const AcquisitionErrors errors{0.0, known.sweep + shown.sweep,
+                                 known.unevenness + shown.unevenness};
+  const Outcome<PipelineResult> again = without(errors, nullptr);
+  if (again && again->result.status == RegistrationStatus::kRegistered)
+    return corrected_by(errors, *again);
+  return corrected_by(known, *found);
+}
+
 }  // namespace
 
 PipelineResult run_pipeline(const BeamUltrasound& ultrasound, const PreparedCt& ct,
@@ -225,7 +261,7 @@ PipelineResult run_pipeline(const BeamUltrasound& ultrasound, const PreparedCt& 
   PipelineResult ended;
   try {
     Outcome<PipelineResult> outcome =
-        registered(ultrasound, ct, T_us_ct_initial, options, trail, reach_mm, run);
+        registered_on_shown_sweep(ultrasound, ct, T_us_ct_initial, options, trail, reach_mm, run);
     run.begin_part(0.0, 1.0);
     if (outcome) run.report(1.0);
     ended = outcome ? std::move(*outcome) : PipelineResult{result_of(outcome.refusal()), {}};

@@ -148,6 +148,7 @@ void ErrorOptions::validate(const std::string& source) const {
   require_positive(source, "parts_factor", parts_factor);
   constexpr double kMostShare = 0.2;
   require_within(source, "sound_speed_share", sound_speed_share, 0.0, kMostShare);
+  require_within(source, "sweep_share", sweep_share, 0.0, kMostShare);
   require_not_negative(source, "lag_frames", lag_frames);
   require_not_negative(source, "other_mm", other_mm);
   require_positive(source, "bound_factor", bound_factor);

@@ -49,7 +49,7 @@ std::vector<Decoy> follow_decoys(const std::vector<Decoy>& before, const Isometr
 
 Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
                const std::vector<Candidate>& optima, double rival_mm, const FieldPoints& field) {
-  Trail trail{refined.T_us_ct, decoys, {}};
+  Trail trail{refined.T_us_ct, decoys, {}, {}};
   for (const Candidate& other : optima)
     if (trail.rivals.size() < kRivals &&
         field.are_apart(other.T_us_ct, optima.front().T_us_ct, rival_mm))

@@ -14,6 +14,8 @@ struct Trail {
   std::vector<Decoy> decoys;
   /// Rivals of the pose, best first.
   std::vector<Candidate> rivals;
+  /// The errors of the sweep that were taken out of the ultrasound, and are out of the next one.
+  AcquisitionErrors corrected;
 };
 
 /// The rivals are the first of `optima`, best first, that are over `rival_mm` from the best one.

@@ -85,10 +85,6 @@ std::string anatomy_words(const Measures& m) {
          "during a breath hold";
 }
 
-/// A sweep error beyond this is named where the images show it. Smaller ones are within the bias of
-/// the estimate.
-constexpr double kWrongSweep = 0.05;
-
 std::string near_words(const Measures& m) {
   std::string words = "an error of more than 5 mm is not improbable (expected are " +
                       number(*m.expected_error_mm) + " mm";
@@ -101,19 +97,32 @@ std::string near_words(const Measures& m) {
          "hold and with little pressure, and check probe geometry and tracking";
 }
 
+std::string percent(double error) { return number(100.0 * std::abs(error)) + " %"; }
+
+/// Where frames lie with these errors of the sweep, and what to check.
+std::string sweep_words(const AcquisitionErrors& errors) {
+  constexpr double kAlike = 0.02;
+  const auto apart = [](double error) {
+    return percent(error) + (error > 0.0 ? " farther apart" : " closer together");
+  };
+  std::string words = apart(errors.sweep);
+  if (std::abs(errors.unevenness) > kAlike)
+    words = apart(errors.sweep - errors.unevenness) + " before the middle of the sweep and " +
+            apart(errors.sweep + errors.unevenness) + " after it";
+  return words + ": check the motor's step in the probe file, or the tracking of the probe";
+}
+
 /// A fault of the recorded geometry that the images show, as a sentence to append; empty if none.
 std::string acquisition_words(const Measures& m) {
   std::string words;
   if (!shows_errors(m)) return words;
-  const auto percent = [](double error) { return number(100.0 * std::abs(error)) + " %"; };
   if (shows_wrong_depths(m))
     words += "; the ultrasound fits better if its depths are " + percent(*m.depth_error) +
              (*m.depth_error > 0.0 ? " larger" : " smaller") +
              ": check depth and sample spacing in the probe file, and the speed of sound";
-  if (m.sweep_error && std::abs(*m.sweep_error) > kWrongSweep)
-    words += "; the ultrasound fits better if its frames lie " + percent(*m.sweep_error) +
-             (*m.sweep_error > 0.0 ? " farther apart" : " closer together") +
-             ": check the motor's step in the probe file, or the tracking of the probe";
+  const AcquisitionErrors sweep{0.0, m.sweep_error.value_or(0.0), m.sweep_unevenness.value_or(0.0)};
+  if (is_beyond_bias(sweep))
+    words += "; the ultrasound fits better if its frames lie " + sweep_words(sweep);
   return words;
 }
 
@@ -156,6 +165,14 @@ RegistrationResult result_of(const std::vector<Candidate>& optima, const Candida
   }
   if (!failure || !failure->no_overlap) result.message += acquisition_words(assessment.measures);
   return result;
+}
+
+void tell_corrected_sweep(const AcquisitionErrors& errors, RegistrationResult& result) {
+  if (!errors.any()) return;
+  Measures& measures = result.measures;
+  measures.sweep_error = errors.sweep + measures.sweep_error.value_or(0.0);
+  measures.sweep_unevenness = errors.unevenness + measures.sweep_unevenness.value_or(0.0);
+  result.message += "; the frames were taken to lie " + sweep_words(errors);
 }
 
 RegistrationResult result_of(const Refusal& refusal) {

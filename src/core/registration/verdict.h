@@ -10,6 +10,10 @@ RegistrationResult result_of(const std::vector<Candidate>& optima, const Candida
                              const Assessment& assessment,
                              const std::optional<GateFailure>& failure);
 
+/// Tells which errors of the sweep were taken out of the ultrasound before it was registered, and
+/// adds them to those that were still found. Does nothing if there are none.
+void tell_corrected_sweep(const AcquisitionErrors& errors, RegistrationResult& result);
+
 /// The result of a registration that could not go on.
 RegistrationResult result_of(const Refusal& refusal);
 

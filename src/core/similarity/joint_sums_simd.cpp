@@ -141,7 +141,7 @@ JointSums joint_sums(const JointSumsInput& in) {
   LargeVector<float> tables(kTables * kPerCell * cells, 0.0F);  // aligned
   JointSums sums{std::vector<double>(knots), std::vector<double>(knots), 0.0};
   const auto add_rest =
-      is_moved(in.samples.errors) ? add_samples<Where::kMoved> : add_samples<Where::kAnywhere>;
+      in.samples.errors.any() ? add_samples<Where::kMoved> : add_samples<Where::kAnywhere>;
   std::size_t inside = 0;
   std::size_t flushed = 0;  // samples since the last flush
   for (const UltrasoundPatches::Block& block : in.samples.us.blocks) {

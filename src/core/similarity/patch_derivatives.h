@@ -99,7 +99,7 @@ class PoseDerivatives {
   PoseDerivatives(const PatchKernelInput& input, DerivativeOrder order)
       : us_(&input.us),
         to_voxels_(input.T_index_us.linear()),
-        errors_(input.errors.depth, input.errors.sweep),
+        errors_(input.errors.depth, input.errors.sweep, input.errors.unevenness),
         order_(order) {}
 
   /// Adds a patch of the ultrasound, times a factor.
@@ -117,7 +117,7 @@ class PoseDerivatives {
 
   const UltrasoundPatches* us_;
   Eigen::Matrix3d to_voxels_;
-  Eigen::Vector2d errors_;
+  Eigen::Vector3d errors_;
   DerivativeOrder order_;
   SimilarityDerivatives::Vector gradient_ = SimilarityDerivatives::Vector::Zero();
   SimilarityDerivatives::Matrix curvature_ = SimilarityDerivatives::Matrix::Zero();

@@ -160,7 +160,7 @@ void PoseDerivatives::add(const Eigen::Matrix<double, 3, kParameters>& motion_mm
 void PoseDerivatives::add(std::size_t patch, double factor, const ShareDerivatives& share) {
   const Eigen::Vector3d& centre_us_mm = us_->patches[patch].centre_us_mm;
   if (!us_->has_beams()) return add(motion_of(centre_us_mm), factor, share);
-  const Eigen::Matrix<double, 3, 2>& by_errors_mm = us_->by_errors_mm[patch];
+  const Eigen::Matrix3d& by_errors_mm = us_->by_errors_mm[patch];
   Eigen::Matrix<double, 3, SimilarityDerivatives::kCount> motion_mm;
   motion_mm << motion_of(centre_us_mm + by_errors_mm * errors_), by_errors_mm;
   add(motion_mm, factor, share);

@@ -120,8 +120,8 @@ void sample_all(const PatchKernelInput& in, std::size_t b, BlockSamples& samples
 
 void sample_derivatives(const PatchKernelInput& in, std::size_t block, BlockSamples& samples,
                         StrandSums& sums) {
-  (is_moved(in.errors) ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block,
-                                                                                   samples, sums);
+  (in.errors.any() ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block, samples,
+                                                                               sums);
 }
 
 struct V3 {

@@ -25,14 +25,10 @@ struct PatchKernelInput {
   GradientChannel channel;
 };
 
-inline bool is_moved(const AcquisitionErrors& errors) {
-  return errors.depth != 0.0 || errors.sweep != 0.0;
-}
-
 /// Number of rows of a block that need no bounds checks, since all their samples lie in the CT. The
 /// test is on the block's bounding box: all full rows, or none.
 inline std::size_t rows_inside(const PatchKernelInput& in, const UltrasoundPatches::Block& block) {
-  if (is_moved(in.errors)) return 0;
+  if (in.errors.any()) return 0;
   constexpr double kRounding = 0.01;  // error of indices in single precision
   const Eigen::Vector3d centre = in.T_index_us * block.box.center().cast<double>();
   const Eigen::Vector3d half =
@@ -54,7 +50,7 @@ inline double mean_of(const UltrasoundPatches& us) {
 /// Makes a kernel's input. Throws InputError if the patches lack beams that errors or channel need.
 inline PatchKernelInput kernel_input(const UltrasoundPatches& us, const PackedCt& ct,
                                      const SimilarityPose& pose, GradientChannel channel) {
-  if (!us.has_beams() && (is_moved(pose.errors) || channel == GradientChannel::kAlongBeam))
+  if (!us.has_beams() && (pose.errors.any() || channel == GradientChannel::kAlongBeam))
     throw InputError("ultrasound patches",
                      "have no beams, must have them for acquisition errors "
                      "and for gradients along beams");

@@ -88,7 +88,7 @@ void sum_strands(const PatchKernelInput& in, std::size_t first, std::size_t last
                  StrandSums* sums) {
   constexpr auto kMagnitude = GradientChannel::kMagnitude;
   constexpr auto kAlongBeam = GradientChannel::kAlongBeam;
-  const bool moved = is_moved(in.errors);
+  const bool moved = in.errors.any();
   if (in.channel == kMagnitude)
     (moved ? sum_all<kMagnitude, Where::kMoved>
            : sum_all<kMagnitude, Where::kAnywhere>)(in, first, last, sums);
@@ -113,8 +113,8 @@ std::size_t sample_all(const PatchKernelInput& in, std::size_t block, float* val
 }
 
 std::size_t sample_block(const PatchKernelInput& in, std::size_t block, float* values) {
-  return (is_moved(in.errors) ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block,
-                                                                                          values);
+  return (in.errors.any() ? sample_all<Where::kMoved> : sample_all<Where::kAnywhere>)(in, block,
+                                                                                      values);
 }
 
 HWY_INLINE VD wide(const float* values) { return hn::PromoteTo(dd, hn::LoadU(df_half, values)); }

@@ -59,6 +59,7 @@ struct Constants {
     background = static_cast<float>(in.ct.background());
     depth_error = static_cast<float>(in.errors.depth);
     sweep_error = static_cast<float>(in.errors.sweep);
+    unevenness = static_cast<float>(in.errors.unevenness);
   }
   const std::uint16_t* pairs;
   float m[3][3];
@@ -70,7 +71,7 @@ struct Constants {
   float rows;                // rows per slice
   std::uint32_t first_cell;  // sum of the bits for cell 0
   float background;
-  float depth_error, sweep_error;
+  float depth_error, sweep_error, unevenness;
 };
 
 HWY_INLINE VF turned(const float* row, VF x, VF y, VF z, VF plus) {
@@ -97,7 +98,8 @@ HWY_INLINE VI whole(VF value) {
 HWY_INLINE void move(const UltrasoundPatches& us, const Constants& k, std::size_t s, VF& x, VF& y,
                      VF& z) {
   const VF along = hn::Mul(hn::Set(df, k.depth_error), hn::LoadU(df, us.depth_mm.data() + s));
-  const VF sweep = hn::Set(df, k.sweep_error);
+  const VF sweep = hn::MulAdd(hn::Set(df, k.unevenness), hn::LoadU(df, us.sweep_side.data() + s),
+                              hn::Set(df, k.sweep_error));
   const auto moved = [&](VF p, const LargeVector<float>& direction,
                          const LargeVector<float>& motion) HWY_ATTR {
     return hn::MulAdd(along, hn::LoadU(df, direction.data() + s),

@@ -29,7 +29,8 @@ class ScalarSampler {
         origin_(in.T_index_us.translation().cast<float>()),
         cells_((in.ct.grid().size - Eigen::Vector3i::Ones()).cast<float>()),
         depth_error_(static_cast<float>(in.errors.depth)),
-        sweep_error_(static_cast<float>(in.errors.sweep)) {}
+        sweep_error_(static_cast<float>(in.errors.sweep)),
+        unevenness_(static_cast<float>(in.errors.unevenness)) {}
 
   /// Samples the CT; false outside it.
   bool sample(std::size_t s, Sampled& ct) const {
@@ -50,9 +51,10 @@ class ScalarSampler {
   bool locate(std::size_t s, Cell& cell) const {
     const UltrasoundPatches& us = in_.us;
     Vector3f p(us.x_mm[s], us.y_mm[s], us.z_mm[s]);
-    if (is_moved(in_.errors))
+    if (in_.errors.any())
       p += depth_error_ * us.depth_mm[s] * direction(s) +
-           sweep_error_ * Vector3f(us.sweep_x[s], us.sweep_y[s], us.sweep_z[s]);
+           (sweep_error_ + unevenness_ * in_.us.sweep_side[s]) *
+               Vector3f(us.sweep_x[s], us.sweep_y[s], us.sweep_z[s]);
     const Vector3f index = M_ * p + origin_;
     if (!((index.array() >= 0.0F).all() && (index.array() < cells_.array()).all())) return false;
     const Vector3f corner = index.array().floor();
@@ -108,6 +110,7 @@ class ScalarSampler {
   Vector3f cells_;
   float depth_error_;
   float sweep_error_;
+  float unevenness_;
 };
 
 }  // namespace usct

@@ -142,8 +142,9 @@ class SimulatedLc2 final : public Similarity {
     require_rigid(pose.T_ct_us, "T_ct_us");
     require(std::isfinite(errors.depth) && errors.depth > -1.0, "acquisition errors", "depth",
             errors.depth, "finite and > -1");
-    require(errors.sweep == 0.0, "acquisition errors", "sweep", errors.sweep,
-            "0: this metric does not know it");
+    for (const auto& [name, error] :
+         {std::pair("sweep", errors.sweep), std::pair("unevenness", errors.unevenness)})
+      require(error == 0.0, "acquisition errors", name, error, "0: this metric does not know it");
     return ct_.grid().T_index_physical() * pose.T_ct_us;
   }
 

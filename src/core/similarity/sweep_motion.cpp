@@ -13,14 +13,40 @@ SweepMotion::SweepMotion(const BeamGrid& beams)
 }
 
 Beam SweepMotion::operator()(int frame, int line) const {
-  Beam motion{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
-  const double from_middle_mm = path_mm(frame) - 0.5 * path_mm_.back();
+  const Beam per_mm = slope(frame, line);
+  return {from_middle_mm(frame) * per_mm.origin_mm, from_middle_mm(frame) * per_mm.direction};
+}
+
+Beam SweepMotion::moved(int frame, int line, double error) const {
+  const double at_mm = path_mm(frame) + error * from_middle_mm(frame);
+  const auto after = std::lower_bound(path_mm_.begin(), path_mm_.end(), at_mm);
+  const int end = static_cast<int>(after - path_mm_.begin());
+  Beam beam;
+  if (end == 0 || end == beams_.frames) {
+    const int last = end == 0 ? 0 : beams_.frames - 1;
+    const Beam per_mm = slope(last, line);
+    beam = beams_.beam(last, line);
+    beam.origin_mm += (at_mm - path_mm(last)) * per_mm.origin_mm;
+    beam.direction += (at_mm - path_mm(last)) * per_mm.direction;
+  } else {
+    const Beam& a = beams_.beam(end - 1, line);
+    const Beam& b = beams_.beam(end, line);
+    const double t = (at_mm - path_mm(end - 1)) / (path_mm(end) - path_mm(end - 1));
+    beam.origin_mm = a.origin_mm + t * (b.origin_mm - a.origin_mm);
+    beam.direction = a.direction + t * (b.direction - a.direction);
+  }
+  beam.direction.normalize();
+  return beam;
+}
+
+Beam SweepMotion::slope(int frame, int line) const {
+  Beam slope{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   for (const auto& [other, per_mm] : tangents_[static_cast<std::size_t>(frame)]) {
     const Beam& beam = beams_.beam(other, line);
-    motion.origin_mm += from_middle_mm * per_mm * beam.origin_mm;
-    motion.direction += from_middle_mm * per_mm * beam.direction;
+    slope.origin_mm += per_mm * beam.origin_mm;
+    slope.direction += per_mm * beam.direction;
   }
-  return motion;
+  return slope;
 }
 
 Eigen::Vector3d SweepMotion::smoothed_centre(int frame) const {
@@ -43,6 +69,18 @@ SweepMotion::Tangent SweepMotion::tangent(int frame) const {
   return {{a, (2.0 * at - at_b - at_c) / ((at_a - at_b) * (at_a - at_c))},
           {middle, (2.0 * at - at_a - at_c) / ((at_b - at_a) * (at_b - at_c))},
           {c, (2.0 * at - at_a - at_b) / ((at_c - at_a) * (at_c - at_b))}};
+}
+
+BeamGrid with_sweep(const BeamGrid& beams, const AcquisitionErrors& errors) {
+  const SweepMotion motion(beams);
+  BeamGrid corrected = beams;
+  corrected.corrected_sweep = true;
+  for (int f = 0; f < beams.frames; ++f) {
+    const double error = errors.sweep + motion.side(f) * errors.unevenness;
+    for (int l = 0; l < beams.lines; ++l)
+      corrected.beams[static_cast<std::size_t>(f * beams.lines + l)] = motion.moved(f, l, error);
+  }
+  return corrected;
 }
 
 }  // namespace usct

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/similarity/similarity.h"
 
 namespace usct {
 
@@ -18,12 +19,20 @@ class SweepMotion {
 
   /// Motion of a beam's origin and direction per unit of error, mm.
   Beam operator()(int frame, int line) const;
+  /// Where a beam lies if its frame is (1 + error) times as far from the middle of the sweep as
+  /// recorded: between recorded frames, or beyond the last one along its tangent.
+  Beam moved(int frame, int line, double error) const;
+  /// 1 after the middle of the sweep, -1 before it.
+  double side(int frame) const { return from_middle_mm(frame) < 0.0 ? -1.0 : 1.0; }
 
  private:
   /// Weights, 1/mm, of the values at frames in their derivative by the path.
   using Tangent = std::vector<std::pair<int, double>>;
 
+  /// The change of a beam's origin and direction per mm of the path.
+  Beam slope(int frame, int line) const;
   double path_mm(int frame) const { return path_mm_[static_cast<std::size_t>(frame)]; }
+  double from_middle_mm(int frame) const { return path_mm(frame) - 0.5 * path_mm_.back(); }
   /// Mean over a window that shrinks towards the ends of the sweep and so stays centred on the
   /// frame.
   Eigen::Vector3d smoothed_centre(int frame) const;
@@ -36,5 +45,8 @@ class SweepMotion {
   std::vector<double> path_mm_;
   std::vector<Tangent> tangents_;
 };
+
+/// The beams with the errors of the sweep taken out: AcquisitionErrors::sweep and ::unevenness.
+BeamGrid with_sweep(const BeamGrid& beams, const AcquisitionErrors& errors);
 
 }  // namespace usct

@@ -26,7 +26,8 @@ class Cutter {
   UltrasoundPatches run() {
     lay_out();
     allocate();
-    const std::vector<Beam> motions = with_beams_ ? sweep_motions() : std::vector<Beam>{};
+    const std::vector<BeamMotion> motions =
+        with_beams_ ? sweep_motions() : std::vector<BeamMotion>{};
     constexpr std::size_t kAtOnce = 64;
     parallel_ranges(
         boxes_.size(),
@@ -39,13 +40,19 @@ class Cutter {
   }
 
  private:
+  /// How a beam moves per unit of AcquisitionErrors::sweep, mm, and the side of the sweep it is on.
+  struct BeamMotion {
+    Beam by_sweep;
+    double side;
+  };
+
   /// The motions of all beams.
-  std::vector<Beam> sweep_motions() const {
+  std::vector<BeamMotion> sweep_motions() const {
     const SweepMotion motion(us_.beams);
-    std::vector<Beam> motions;
+    std::vector<BeamMotion> motions;
     motions.reserve(us_.beams.beams.size());
     for (int f = 0; f < us_.beams.frames; ++f)
-      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back(motion(f, l));
+      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back({motion(f, l), motion.side(f)});
     return motions;
   }
 
@@ -90,9 +97,9 @@ class Cutter {
   void allocate() {
     arrays_ = {&result_.x_mm, &result_.y_mm, &result_.z_mm, &result_.value};
     if (with_beams_) {
-      arrays_.insert(arrays_.end(),
-                     {&result_.direction_x, &result_.direction_y, &result_.direction_z,
-                      &result_.sweep_x, &result_.sweep_y, &result_.sweep_z, &result_.depth_mm});
+      arrays_.insert(arrays_.end(), {&result_.direction_x, &result_.direction_y,
+                                     &result_.direction_z, &result_.sweep_x, &result_.sweep_y,
+                                     &result_.sweep_z, &result_.sweep_side, &result_.depth_mm});
       result_.by_errors_mm.resize(result_.patches.size());
     }
     for (LargeVector<float>* values : arrays_) values->resize(size_in_memory_);
@@ -108,9 +115,9 @@ class Cutter {
     }
   }
 
-  void fill(std::size_t p, const std::vector<Beam>& motions) {
+  void fill(std::size_t p, const std::vector<BeamMotion>& motions) {
     const UltrasoundPatches::Patch& patch = result_.patches[p];
-    Eigen::Matrix<double, 3, 2> by_errors_mm = Eigen::Matrix<double, 3, 2>::Zero();  // sum
+    Eigen::Matrix3d by_errors_mm = Eigen::Matrix3d::Zero();  // sum
     std::size_t strand = patch.first_strand;
     std::size_t place = place_of(strand);
     std::size_t left = length(patch, 0);
@@ -187,8 +194,9 @@ class Cutter {
 
   /// Returns the sum over the samples of how they move per unit of each of the AcquisitionErrors,
   /// mm.
-  Eigen::Matrix<double, 3, 2> put_beam(std::size_t place, const OfBeam& part, const Beam& motion) {
+  Eigen::Matrix3d put_beam(std::size_t place, const OfBeam& part, const BeamMotion& of_beam) {
     const Beam& beam = us_.beams.beams[part.beam];
+    const Beam& motion = of_beam.by_sweep;
     double sum_of_depths_mm = 0.0;
     for (std::size_t i = 0; i < part.count; ++i, place += kLanes) {
       const double depth_mm = us_.beams.axial.depth_mm(part.samples[i]);
@@ -196,11 +204,13 @@ class Cutter {
       set(beam.direction, place, result_.direction_x, result_.direction_y, result_.direction_z);
       set(motion.origin_mm + depth_mm * motion.direction, place, result_.sweep_x, result_.sweep_y,
           result_.sweep_z);
+      result_.sweep_side[place] = static_cast<float>(of_beam.side);
       result_.depth_mm[place] = static_cast<float>(depth_mm);
     }
-    Eigen::Matrix<double, 3, 2> by_errors_mm;
-    by_errors_mm << sum_of_depths_mm * beam.direction,
+    const Vector3d by_sweep_mm =
         static_cast<double>(part.count) * motion.origin_mm + sum_of_depths_mm * motion.direction;
+    Eigen::Matrix3d by_errors_mm;
+    by_errors_mm << sum_of_depths_mm * beam.direction, by_sweep_mm, of_beam.side * by_sweep_mm;
     return by_errors_mm;
   }
 

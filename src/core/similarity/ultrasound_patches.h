@@ -52,9 +52,11 @@ struct UltrasoundPatches {
   LargeVector<float> direction_x, direction_y, direction_z, depth_mm;
   /// Per sample: how it moves per unit of AcquisitionErrors::sweep, mm, to first order.
   LargeVector<float> sweep_x, sweep_y, sweep_z;
-  /// Per patch: how its samples move per unit of AcquisitionErrors::depth and ::sweep on average,
-  /// mm.
-  std::vector<Eigen::Matrix<double, 3, 2>> by_errors_mm;
+  /// Per sample: 1 if its frame lies after the middle of the sweep, -1 before it.
+  LargeVector<float> sweep_side;
+  /// Per patch: how its samples move per unit of AcquisitionErrors::depth, ::sweep and ::unevenness
+  /// on average, mm.
+  std::vector<Eigen::Matrix3d> by_errors_mm;
   std::vector<Block> blocks;
   /// Patches with more samples come first, those of equal size in the order of the ultrasound.
   /// Single-strand patches begin with the lanes of `blocks[first_single_block]`, one lane each.

@@ -69,6 +69,7 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
   out.beams.lines = from.lines / factors.y();
   out.beams.frames = from.frames / factors.z();
   out.beams.tracked = from.tracked;
+  out.beams.corrected_sweep = from.corrected_sweep;
   for (int f = 0; f < out.beams.frames; ++f)
     for (int l = 0; l < out.beams.lines; ++l)
       out.beams.beams.push_back(mean_beam(from, f * factors.z(), l * factors.y(), factors));

@@ -219,9 +219,10 @@ inline void randomise(PartOptions& o) {
   reach_mm = between(10, 100);
 }
 inline void randomise(ErrorOptions& o) {
-  auto& [factor, sound_speed, lag, other_mm, bound, radius_mm] = o;
+  auto& [factor, sound_speed, sweep, lag, other_mm, bound, radius_mm] = o;
   factor = between(0.1, 9);
   sound_speed = between(0, 0.2);
+  sweep = between(0, 0.2);
   lag = between(0, 3);
   other_mm = between(0, 3);
   bound = between(0.1, 9);
@@ -242,8 +243,8 @@ inline void randomise(ConfidenceOptions& o) {
 }
 inline RegistrationOptions any_options() {
   RegistrationOptions options;
-  auto& [beams, window, outside_hu, spacing, conditioning, search, refinement, confidence, seed] =
-      options;
+  auto& [beams, window, outside_hu, spacing, conditioning, search, refinement, confidence,
+         correct_sweep, seed] = options;
   beams = one_of({BeamKind::kAny, BeamKind::kParallel});
   randomise(window);
   outside_hu = any_int(0, 2);
@@ -253,6 +254,7 @@ inline RegistrationOptions any_options() {
   refinement.reset();
   if (any_bool()) randomise(refinement.emplace());
   randomise(confidence);
+  correct_sweep = any_bool();
   seed = *rc::gen::arbitrary<std::uint32_t>();
   return options;
 }

@@ -79,7 +79,7 @@ TEST_F(CheckedPoses, ErrorsAreThoseOfTheOptimumThatIsChecked) {
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     const Isometry3d start = beside(seed, 12.0);
     const Candidate recorded = climbed(start, {});
-    const Candidate with_errors = climbed(start, {0.15, 0.15});
+    const Candidate with_errors = climbed(start, {0.15, 0.15, 0.15});
     // An error of the depths displaces a pose, here as far as the climb without errors.
     const AcquisitionCheck found = check({start, {1.0, 0.0}});
     const double moved_mm = distance_mm(with_errors.T_us_ct, recorded.T_us_ct);
@@ -87,6 +87,7 @@ TEST_F(CheckedPoses, ErrorsAreThoseOfTheOptimumThatIsChecked) {
       ++left;
       EXPECT_EQ(found.errors.depth, 0.0) << seed;
       EXPECT_EQ(found.errors.sweep, 0.0) << seed;
+      EXPECT_EQ(found.errors.unevenness, 0.0) << seed;
       EXPECT_EQ(found.ratio, 1.0) << seed;
       EXPECT_EQ(found.advantage, 0.0) << seed;
       EXPECT_LT(distance_mm(found.T_us_ct, recorded.T_us_ct), 1e-6) << seed;

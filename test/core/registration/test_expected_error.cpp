@@ -28,7 +28,7 @@ BeamGrid motorised() { return symmetric_motorised(40, 9, 7, 0.05, 0.05); }
 ErrorOptions halves_alone(double factor = 1.0) {
   ErrorOptions options;
   options.parts_factor = factor;
-  options.sound_speed_share = options.lag_frames = options.other_mm = 0.0;
+  options.sound_speed_share = options.sweep_share = options.lag_frames = options.other_mm = 0.0;
   return options;
 }
 
@@ -103,6 +103,24 @@ TEST(ExpectedError, OfASweepThatIsWrongOnOneSideIsAcrossTheFrames) {
   expected(5, 5) = std::pow(0.08 * 6.0 / 2.0, 2);  // a side is 6 mm long
   EXPECT_TRUE(covariance.isApprox(expected, 1e-9)) << covariance;
   EXPECT_NEAR(std::sqrt(covariance(5, 5)), (0.96 + 0.64 + 0.32) / 7.0, 0.05);
+}
+
+/// What a corrected sweep is still wrong by is known no better than the correction.
+TEST(ExpectedError, OfACorrectedSweepIsThatOfTheCorrection) {
+  const HalfPoses same{kHere, kHere, kHere, kHere};
+  ErrorOptions options = halves_alone();
+  options.sweep_share = 0.04;
+  BeamGrid beams = straight_tracked(40, 9, 7, 2.0);
+  AcquisitionErrors shown;
+  shown.sweep = -0.01;
+  const auto across_mm = [&] {
+    return std::sqrt(pose_covariance({same}, beams, kCentre, options, shown)(5, 5));
+  };
+  EXPECT_NEAR(across_mm(), 0.01 * 6.0 / 2.0, 1e-9);
+  beams.corrected_sweep = true;
+  EXPECT_NEAR(across_mm(), 0.04 * 6.0 / 2.0, 1e-9);
+  shown.sweep = -0.08;
+  EXPECT_NEAR(across_mm(), 0.08 * 6.0 / 2.0, 1e-9);
 }
 
 TEST(ExpectedError, OfDepthsThatShowsCountsWhereItIsMoreThanWhatNoImageShows) {

@@ -268,6 +268,8 @@ TEST(Refusals, InvalidOptionsOfTheEvidence) {
                {"o.confidence.error", "'parts_factor' is 0"});
   expect_error([](Confidence& o) { o.error.sound_speed_share = 0.3; },
                {"o.confidence.error", "'sound_speed_share' is 0.3"});
+  expect_error([](Confidence& o) { o.error.sweep_share = -0.1; },
+               {"o.confidence.error", "'sweep_share' is -0.1"});
   expect_error([](Confidence& o) { o.error.lag_frames = -1.0; },
                {"o.confidence.error", "'lag_frames' is -1"});
   expect_error([](Confidence& o) { o.error.other_mm = kNan; },

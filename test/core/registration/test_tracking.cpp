@@ -62,6 +62,22 @@ TEST_F(Tracking, FollowsTheProbe) {
               second.measures.local_agreement && second.covariance);
 }
 
+/// What the first registration has shown of the motor holds for those that follow.
+TEST_F(Tracking, ACorrectedSweepStaysCorrected) {
+  PreScanVolume recorded = agar_phantom().ultrasound;
+  for (double& angle_rad : std::get<MotorSweep>(recorded.geometry.motion).frame_angles_rad)
+    angle_rad *= angle_rad < 0.0 ? 1.25 : 1.0;
+  const RegistrationCase uneven = case_of(agar_phantom(), recorded);
+  const RegistrationResult first = next(uneven.us, nearby(uneven));
+  ASSERT_TRUE(first.T_us_ct) << first.message;
+  const RegistrationResult second = next(uneven.us, *first.T_us_ct);
+  EXPECT_FALSE(was_full(second));
+  ASSERT_TRUE(second.T_us_ct) << second.message;
+  EXPECT_LT(evaluate_targets(*second.T_us_ct, *first.T_us_ct, uneven.targets_us_mm).mean_mm, 0.3);
+  EXPECT_NEAR(*second.measures.sweep_unevenness, *first.measures.sweep_unevenness, 0.03);
+  EXPECT_NE(second.message.find("the frames were taken to lie"), std::string::npos);
+}
+
 TEST_F(Tracking, WhatMovedTooFarIsSearchedFor) {
   ASSERT_TRUE(next(images_.us, nearby(images_)).T_us_ct);
   const RegistrationResult result =

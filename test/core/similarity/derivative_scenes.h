@@ -45,13 +45,15 @@ inline SimilarityPose changed(const SimilarityPose& pose,
   if (turn.norm() > 0.0)
     motion.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
   motion.translation() = change.segment<3>(3);
-  return {pose.T_ct_us * motion, {pose.errors.depth + change[6], pose.errors.sweep + change[7]}};
+  return {pose.T_ct_us * motion,
+          {pose.errors.depth + change[6], pose.errors.sweep + change[7],
+           pose.errors.unevenness + change[8]}};
 }
 
 /// Changes that move the field by about a millimetre.
 inline SimilarityDerivatives::Vector unit_changes() {
   SimilarityDerivatives::Vector units;
-  units << 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 0.05, 0.1;
+  units << 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 0.05, 0.1, 0.1;
   return units;
 }
 

@@ -144,7 +144,8 @@ RC_GTEST_PROP(JointDerivatives, AreTheReferenceWithAllInstructions, ()) {
   const JointScene scene;
   RC_PRE(!scene.us.patches.empty());
   AcquisitionErrors errors;
-  if (*rc::gen::arbitrary<bool>()) errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
+  if (*rc::gen::arbitrary<bool>())
+    errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
   const JointDerivativesInput in = scene.input({random_small_pose(3.0, 10.0), errors});
   const auto samples = std::make_unique<BlockSamples>();
   StrandSums unused;
@@ -180,7 +181,8 @@ JointCorrelationRatioOptions joint_options() {
 
 TEST(JointCorrelationRatioDerivatives, AreTheSlopesOfTheValue) {
   const Registrable scene;
-  for (const AcquisitionErrors& errors : {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03}})
+  for (const AcquisitionErrors& errors :
+       {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03, 0.04}})
     expect_slopes(*similarity_of(scene.us, scene.ct, joint_options()), near_pose(errors));
 }
 

@@ -262,7 +262,8 @@ RC_GTEST_PROP(PatchDerivatives, SumsAreTheReferenceWithAllInstructions, ()) {
   const DerivativeScene scene = random_derivative_scene();
   RC_PRE(!scene.us.patches.empty());
   AcquisitionErrors errors;
-  if (*rc::gen::arbitrary<bool>()) errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
+  if (*rc::gen::arbitrary<bool>())
+    errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
   const SimilarityPose pose{random_small_pose(3.0, 10.0), errors};
   const PatchKernelInput input =
       kernel_input(scene.us, scene.ct, pose, GradientChannel::kMagnitude);
@@ -303,7 +304,8 @@ struct RegistrableByLc2 : Registrable {
 
 TEST(LocalLc2Derivatives, AreTheSlopesOfTheValue) {
   const RegistrableByLc2 scene;
-  for (const AcquisitionErrors& errors : {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03}})
+  for (const AcquisitionErrors& errors :
+       {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03, 0.04}})
     expect_slopes(*similarity_of(scene.us, scene.ct, scene.options), near_pose(errors));
 }
 
@@ -314,7 +316,8 @@ TEST(LocalLc2Derivatives, ByErrorsAreTheSlopesWithoutARidge) {
   scene.options.ridge_intensity_hu = scene.options.ridge_gradient_hu_per_mm = 0.0;
   const auto similarity = similarity_of(scene.us, scene.ct, scene.options);
   EXPECT_TRUE(similarity->has_error_derivatives());
-  for (const AcquisitionErrors& errors : {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03}})
+  for (const AcquisitionErrors& errors :
+       {AcquisitionErrors{}, AcquisitionErrors{0.02, -0.03, 0.04}})
     expect_slopes(*similarity, near_pose(errors), SimilarityDerivatives::kCount);
 }
 
@@ -327,8 +330,8 @@ TEST(LocalLc2Derivatives, ByErrorsNeedBeams) {
   const auto derivatives = similarity->derivatives(near_pose({}), DerivativeOrder::kCurvature);
   const auto with_beams = similarity_of(scene.us, scene.ct, scene.options)
                               ->derivatives(near_pose({}), DerivativeOrder::kCurvature);
-  EXPECT_TRUE(derivatives->gradient.tail<2>().isZero(0.0));
-  EXPECT_TRUE(derivatives->curvature.bottomRows<2>().isZero(0.0));
+  EXPECT_TRUE(derivatives->gradient.tail<3>().isZero(0.0));
+  EXPECT_TRUE(derivatives->curvature.bottomRows<3>().isZero(0.0));
   EXPECT_EQ(derivatives->gradient.head<6>(), with_beams->gradient.head<6>());
 }
 

@@ -57,7 +57,8 @@ RC_GTEST_PROP(PatchKernel, SumsAreTheReferenceWithAllInstructions, ()) {
   const auto channel =
       *rc::gen::arbitrary<bool>() ? GradientChannel::kMagnitude : GradientChannel::kAlongBeam;
   AcquisitionErrors errors;
-  if (*rc::gen::arbitrary<bool>()) errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
+  if (*rc::gen::arbitrary<bool>())
+    errors = {uniform(-0.1, 0.1), uniform(-0.1, 0.1), uniform(-0.1, 0.1)};
   const PatchKernelInput input = scene.input(random_kernel_pose(), errors, channel);
   const std::size_t blocks = scene.us.blocks.size();
   const auto first = static_cast<std::size_t>(integer(0, static_cast<int>(blocks)));
@@ -81,7 +82,7 @@ RC_GTEST_PROP(PatchKernel, SumsAreTheReferenceWithAllInstructions, ()) {
 RC_GTEST_PROP(PatchKernel, ValuesAreTheReferenceWithAllInstructions, ()) {
   const Scene scene = random_scene();
   RC_PRE(!scene.us.patches.empty());
-  const AcquisitionErrors errors{uniform(-0.1, 0.1), 0.0};
+  const AcquisitionErrors errors{uniform(-0.1, 0.1), 0.0, uniform(-0.1, 0.1)};
   const PatchKernelInput input =
       scene.input(random_kernel_pose(), errors, GradientChannel::kMagnitude);
   for (std::size_t b = 0; b < scene.us.blocks.size(); ++b) {

@@ -424,7 +424,7 @@ RC_GTEST_PROP(PatchSimilarity, PartsSumToTheValue, ()) {
   c.metric = all_names()[static_cast<std::size_t>(integer(0, 7))];
   RC_PRE(share_inside(all_of(seen_by(c))) > 0.05);
   const auto similarity = c.similarity();
-  const AcquisitionErrors errors{uniform(-0.02, 0.02), uniform(-0.02, 0.02)};
+  const AcquisitionErrors errors{uniform(-0.02, 0.02), uniform(-0.02, 0.02), uniform(-0.02, 0.02)};
   const std::vector<double> parts = similarity->parts({c.T_ct_us, errors});
   RC_ASSERT((parts.size() > 1) == (c.metric == "local_lc2"));
   RC_ASSERT(std::abs(std::accumulate(parts.begin(), parts.end(), 0.0) -

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/similarity/patch_scenes.h"
+#include "similarity/sweep_motion.h"
 #include "us_ct_registration/error.h"
 #include "with_threads.h"
 
@@ -116,7 +117,7 @@ RC_GTEST_PROP(UltrasoundPatches, LieInLanes, ()) {
   for (const auto* values :
        {&patches.x_mm, &patches.y_mm, &patches.z_mm, &patches.value, &patches.direction_x,
         &patches.direction_y, &patches.direction_z, &patches.depth_mm, &patches.sweep_x,
-        &patches.sweep_y, &patches.sweep_z})
+        &patches.sweep_y, &patches.sweep_z, &patches.sweep_side})
     RC_ASSERT(values->size() == begin);
   for (std::size_t p = 0; p < patches.patches.size(); ++p) {
     const UltrasoundPatches::Patch& patch = patches.patches[p];
@@ -303,6 +304,47 @@ TEST(UltrasoundPatches, MoveWithErrorsOfAStraightSweepExactly) {
   EXPECT_LT(motion_error(beams, scaled, 0.1), 1e-6);
 }
 
+/// The greatest distance between samples of two sweeps, mm.
+double distance_mm(const BeamGrid& a, const BeamGrid& b) {
+  double most = 0.0;
+  for (int f = 0; f < a.frames; ++f)
+    for (int l = 0; l < a.lines; ++l)
+      for (const int s : {0, a.samples() - 1})
+        most = std::max(most, (a.point(f, l, s) - b.point(f, l, s)).norm());
+  return most;
+}
+
+/// A motor whose steps are `before` and `after` times as long as recorded on the two sides of the
+/// middle, as that of the scanner in the thesis (section 3.1.6).
+TEST(UltrasoundPatches, LieWhereAMotorThatIsSlowOnOneSideTookThem) {
+  const ScanGeometry recorded = swinging(1.0, 1.0);
+  for (const auto& [before, after] : {std::pair(0.836, 1.02), std::pair(1.0, 0.85)}) {
+    ScanGeometry moved = recorded;
+    for (double& angle : std::get<MotorSweep>(moved.motion).frame_angles_rad)
+      angle *= angle < 0.0 ? before : after;
+    const AcquisitionErrors errors{0.0, 0.5 * (after + before) - 1.0, 0.5 * (after - before)};
+    EXPECT_GT(distance_mm(beam_grid(recorded), beam_grid(moved)), 3.0);
+    EXPECT_LT(distance_mm(with_sweep(beam_grid(recorded), errors), beam_grid(moved)), 0.1);
+  }
+}
+
+TEST(UltrasoundPatches, MoveWithAnUnevenStraightSweepExactly) {
+  const BeamGrid beams = downward_beams(12, 6, 25);
+  const BeamGrid moved = with_sweep(beams, {0.0, 0.02, 0.08});
+  BeamGrid expected = beams;
+  for (Beam& beam : expected.beams) beam.origin_mm.z() *= beam.origin_mm.z() < 0.0 ? 0.94 : 1.1;
+  EXPECT_LT(distance_mm(moved, expected), 1e-9);
+  const UltrasoundPatches us = cut_into_patches(noisy_ultrasound(beams), cubes(10.0));
+  const auto places = places_of(beams);
+  for (std::size_t place = 0; place < us.value.size(); ++place) {
+    if (is_filled_up(us, place)) continue;
+    const Eigen::Vector3i at = places.at(position_at(us, place));
+    const double error = 0.02 + 0.08 * us.sweep_side[place];
+    EXPECT_NEAR(us.z_mm[place] + error * us.sweep_z[place],
+                expected.point(at.z(), at.y(), at.x()).z(), 1e-4);
+  }
+}
+
 TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
   for (const int frames : {1, 2, 3, 4}) {
     const BeamGrid beams = downward_beams(12, 6, frames);
@@ -315,6 +357,7 @@ TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
     for (Beam& beam : resting.beams.beams) beam.origin_mm.z() = 0.0;
     const UltrasoundPatches us = cut_into_patches(resting, cubes(4.0));
     for (const float motion : us.sweep_z) EXPECT_EQ(motion, 0.0F);
+    EXPECT_LT(distance_mm(with_sweep(resting.beams, {0.0, 0.1, 0.1}), resting.beams), 1e-9);
   }
 }
 

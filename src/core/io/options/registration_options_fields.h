@@ -207,6 +207,7 @@ template <typename Fields>
 void describe(Fields& fields, ErrorOptions& o) {
   fields("parts_factor", o.parts_factor);
   fields("sound_speed_share", o.sound_speed_share);
+  fields("sweep_share", o.sweep_share);
   fields("lag_frames", o.lag_frames);
   fields("other_mm", o.other_mm);
   fields("bound_factor", o.bound_factor);
@@ -236,6 +237,7 @@ void describe(Fields& fields, RegistrationOptions& o) {
   fields("search", o.search);
   fields("refinement", o.refinement);
   fields("confidence", o.confidence);
+  fields("correct_sweep", o.correct_sweep);
   fields("seed", o.seed);
 }
 
