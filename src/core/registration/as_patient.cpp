@@ -29,6 +29,7 @@ RegistrationOptions as_patient(const RegistrationOptions& of) {
   options.confidence = confidence;
   options.search.starts = farther(*options.search.starts, of.search.starts);
   options.search.rounds = of.search.rounds;
+  options.correct_sweep = of.correct_sweep;
   options.seed = of.seed;
   return options;
 }
