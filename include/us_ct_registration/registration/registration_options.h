@@ -116,7 +116,7 @@ struct ErrorOptions {
   double parts_factor = 0.5;
   /// Error of the speed of sound, as a share of the depth; [0, 0.2].
   double sound_speed_share = 0.01;
-  /// What is left of the error of a sweep that was corrected, as a share of the distance from its
+  /// The rest of the error of a sweep that was corrected, as a share of the distance from its
   /// middle; [0, 0.2].
   double sweep_share = 0.035;
   /// Time between images and poses of a tracked sweep, in frames; >= 0.

@@ -18,7 +18,7 @@ struct AcquisitionErrors {
   /// Frames lie (1 + sweep) times as far from the middle frame as recorded, by an error of the
   /// motor's angle or of the tracked path.
   double sweep = 0.0;
-  /// What is added to `sweep` for the frames after the middle one, and taken from it for those
+  /// It is added to `sweep` for the frames after the middle one, and taken from it for those
   /// before: a motor that is slower on one side than on the other.
   double unevenness = 0.0;
 

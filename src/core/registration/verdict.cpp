@@ -99,7 +99,7 @@ std::string near_words(const Measures& m) {
 
 std::string percent(double error) { return number(100.0 * std::abs(error)) + " %"; }
 
-/// Where frames lie with these errors of the sweep, and what to check.
+/// The place of the frames with these errors of the sweep, and what to check.
 std::string sweep_words(const AcquisitionErrors& errors) {
   constexpr double kAlike = 0.02;
   const auto apart = [](double error) {

@@ -19,7 +19,7 @@ class SweepMotion {
 
   /// Motion of a beam's origin and direction per unit of error, mm.
   Beam operator()(int frame, int line) const;
-  /// Where a beam lies if its frame is (1 + error) times as far from the middle of the sweep as
+  /// The place of a beam if its frame is (1 + error) times as far from the middle of the sweep as
   /// recorded: between recorded frames, or beyond the last one along its tangent.
   Beam moved(int frame, int line, double error) const;
   /// 1 after the middle of the sweep, -1 before it.
