@@ -204,6 +204,8 @@ void print_acquisition_errors(const Measures& measures) {
     std::printf("estimated depth error: %+.2f %%\n", kPercent * *measures.depth_error);
   if (measures.sweep_error)
     std::printf("estimated sweep error: %+.2f %%\n", kPercent * *measures.sweep_error);
+  if (measures.sweep_unevenness)
+    std::printf("estimated sweep unevenness: %+.2f %%\n", kPercent * *measures.sweep_unevenness);
 }
 
 void print_seconds(const std::map<std::string, double>& seconds) {

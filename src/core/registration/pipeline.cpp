@@ -218,8 +218,9 @@ Outcome<PipelineResult> registered(const BeamUltrasound& us, const PreparedCt& c
 }
 
 /// The registration of ultrasound with its frames where its images show that they lie, if that is
-/// elsewhere than recorded. A trail tells it at once. Where the pose on corrected ultrasound is not
-/// accepted, the result is that of the ultrasound as it was before.
+/// elsewhere than recorded. A trail tells it at once, unless the motor now moves otherwise: on its
+/// way back the slow side is the other one. Where the pose on corrected ultrasound is not accepted,
+/// the result is that of the ultrasound as it was before.
 Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded,
                                                   const PreparedCt& ct,
                                                   const Eigen::Isometry3d& T_us_ct_initial,
@@ -239,6 +240,11 @@ Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded
   };
   const AcquisitionErrors known = trail == nullptr ? AcquisitionErrors{} : trail->corrected;
   const Outcome<PipelineResult> found = without(known, trail);
+  const auto is_accepted = [](const Outcome<PipelineResult>& outcome) {
+    return outcome && outcome->result.status == RegistrationStatus::kRegistered;
+  };
+  if (known.any() && !is_accepted(found))
+    return registered_on_shown_sweep(recorded, ct, T_us_ct_initial, options, nullptr, 0.0, run);
   if (!found) return found.refusal();
   const AcquisitionErrors shown =
       options.correct_sweep ? shown_sweep(found->result.measures) : AcquisitionErrors{};
@@ -246,8 +252,7 @@ Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded
   const AcquisitionErrors errors{0.0, known.sweep + shown.sweep,
                                  known.unevenness + shown.unevenness};
   const Outcome<PipelineResult> again = without(errors, nullptr);
-  if (again && again->result.status == RegistrationStatus::kRegistered)
-    return corrected_by(errors, *again);
+  if (is_accepted(again)) return corrected_by(errors, *again);
   return corrected_by(known, *found);
 }
 

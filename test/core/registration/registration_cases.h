@@ -67,6 +67,15 @@ inline const RegistrationCase& agar_case() {
   static const RegistrationCase agar = case_of(agar_phantom(), agar_phantom().ultrasound);
   return agar;
 }
+
+/// A phantom whose motor angles are recorded too large by factors before and after the middle.
+inline RegistrationCase slow_on_one_side(double before, double after) {
+  PreScanVolume recorded = agar_phantom().ultrasound;
+  for (double& angle_rad : std::get<MotorSweep>(recorded.geometry.motion).frame_angles_rad)
+    angle_rad *= angle_rad < 0.0 ? before : after;
+  return case_of(agar_phantom(), recorded);
+}
+
 /// The case of a tracked sweep; made once.
 inline const phantom::PhantomCase& patient_phantom() {
   static const phantom::PhantomCase patient = phantom::make_phantom(

@@ -9,17 +9,9 @@
 namespace usct::test {
 namespace {
 
-/// A phantom whose motor angles are recorded too large by factors before and after the middle.
-RegistrationCase case_if_recorded(double before, double after) {
-  PreScanVolume us = agar_phantom().ultrasound;
-  for (double& angle_rad : std::get<MotorSweep>(us.geometry.motion).frame_angles_rad)
-    angle_rad *= angle_rad < 0.0 ? before : after;
-  return case_of(agar_phantom(), us);
-}
-
-/// Its registration, from the truth, with one factor.
+/// The registration, from the truth, of a phantom whose motor angles are recorded too large.
 RegistrationResult if_recorded(double factor, const std::string& changes) {
-  const RegistrationCase images = case_if_recorded(factor, factor);
+  const RegistrationCase images = slow_on_one_side(factor, factor);
   return register_ultrasound(images.us, images.ct, images.T_us_ct_true, quick_options(changes));
 }
 
@@ -61,7 +53,7 @@ TEST(AcquisitionErrorsOfARegistration, ASweepThatIsSlowOnOneSideIsCorrected) {
   for (const auto& [before, after] :
        {std::pair(1.25, 1.0), std::pair(1.0, 1.25), std::pair(0.8, 1.0), std::pair(1.0, 0.8)}) {
     SCOPED_TRACE(before);
-    const RegistrationCase images = case_if_recorded(before, after);
+    const RegistrationCase images = slow_on_one_side(before, after);
     const RegistrationResult as_recorded =
         registered(images, images.T_us_ct_true, quick_options("correct_sweep: false\n"));
     const RegistrationResult corrected = registered(images, images.T_us_ct_true);
