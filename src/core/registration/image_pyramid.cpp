@@ -103,8 +103,8 @@ std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
 /// The similarity of a level of the search. In a field of view larger than `kMostMm3` it takes half
 /// or a quarter of the samples: the most that fill no more than that volume at the level's spacing.
 SimilarityOptions similarity_of(const LevelOptions& level, const BeamUltrasound& us) {
-  // Twice the usual field of a kidney. More samples take longer, and find the same pose.
-  constexpr double kMostMm3 = 2.4e6;
+  // The largest of the usual fields of a kidney. More samples take longer, and find the same pose.
+  constexpr double kMostMm3 = 1.2e6;
   if (!level.spacing_mm) return level.similarity;
   const double most = kMostMm3 / std::pow(*level.spacing_mm, 3);
   const auto known = static_cast<double>(std::count(us.known.begin(), us.known.end(), 1));

@@ -143,22 +143,27 @@ std::optional<PipelineResult> Pipeline::at_once() {
 Outcome<PipelineResult> Pipeline::search() {
   Assessor assessor(us_, ct_, images_, problem_, options_);
   std::vector<Candidate> optima;
+  std::optional<Eigen::Isometry3d> T_refused;
   for (int round = 0;; ++round) {
     optima =
         run_.timed("search", [&] { return multi_start(problem_, round, std::move(optima), run_); });
     if (optima.empty())
       return Refusal{RegistrationStatus::kNoOverlap,
                      "no pose in reach has CT and ultrasound overlap"};
+    run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds);
     const bool is_last = round + 1 == options_.search.rounds;
+    const Eigen::Isometry3d T_best = optima.front().T_us_ct;
+    // Judged again, it would be refused again.
+    if (!is_last && T_refused && T_refused->isApprox(T_best, 0.0)) continue;
     const Assessment compared =
         run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
-    run_.report(0.2 + 0.8 * (round + 0.5) / options_.search.rounds);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
     const Outcome<Judged> best = judged(assessor, optima, compared, round + 1);
     if (!best) return best.refusal();
     run_.report(0.2 + 0.8 * (round + 1) / options_.search.rounds);
-    if (best->failure && !is_last && may_be_missed(best->assessment)) continue;
-    return ended(assessor, optima, *best);
+    if (is_last || !best->failure || !may_be_missed(best->assessment))
+      return ended(assessor, optima, *best);
+    T_refused = T_best;
   }
 }
 
@@ -226,12 +231,13 @@ Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded
                                                   const Eigen::Isometry3d& T_us_ct_initial,
                                                   const RegistrationOptions& options,
                                                   const Trail* trail, double reach_mm, Run& run) {
-  const auto without = [&](const AcquisitionErrors& errors, const Trail* followed) {
+  const auto without = [&](const AcquisitionErrors& errors, const RegistrationOptions& how,
+                           const Trail* followed) {
     if (!errors.any())
-      return registered(recorded, ct, T_us_ct_initial, options, followed, reach_mm, run);
+      return registered(recorded, ct, T_us_ct_initial, how, followed, reach_mm, run);
     const BeamUltrasound corrected{with_sweep(recorded.beams, errors), recorded.brightness,
                                    recorded.known};
-    return registered(corrected, ct, T_us_ct_initial, options, followed, reach_mm, run);
+    return registered(corrected, ct, T_us_ct_initial, how, followed, reach_mm, run);
   };
   const auto corrected_by = [](const AcquisitionErrors& errors, PipelineResult found) {
     tell_corrected_sweep(errors, found.result);
@@ -239,7 +245,7 @@ Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded
     return found;
   };
   const AcquisitionErrors known = trail == nullptr ? AcquisitionErrors{} : trail->corrected;
-  const Outcome<PipelineResult> found = without(known, trail);
+  const Outcome<PipelineResult> found = without(known, options, trail);
   const auto is_accepted = [](const Outcome<PipelineResult>& outcome) {
     return outcome && outcome->result.status == RegistrationStatus::kRegistered;
   };
@@ -251,7 +257,10 @@ Outcome<PipelineResult> registered_on_shown_sweep(const BeamUltrasound& recorded
   if (!shown.any()) return corrected_by(known, *found);
   const AcquisitionErrors errors{0.0, known.sweep + shown.sweep,
                                  known.unevenness + shown.unevenness};
-  const Outcome<PipelineResult> again = without(errors, nullptr);
+  // A pose that is right but for the sweep is found in the first round of its registration.
+  RegistrationOptions in_one_round = options;
+  in_one_round.search.rounds = 1;
+  const Outcome<PipelineResult> again = without(errors, in_one_round, nullptr);
   if (is_accepted(again)) return corrected_by(errors, *again);
   return corrected_by(known, *found);
 }

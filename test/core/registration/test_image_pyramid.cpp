@@ -69,7 +69,7 @@ RegistrationCase cube_of(int edge) {
   return images;
 }
 
-/// 2.4 litres are 300,000 samples at 2 mm, and 37,500 at 4 mm.
+/// 1.2 litres are 150,000 samples at 2 mm, and 18,750 at 4 mm.
 TEST(ImagePyramid, ALargeFieldOfViewTakesFewerSamples) {
   const RegistrationOptions options = parse_registration_options(
       "preset: patient\nconditioning_spacing_mm: 2\n"
@@ -99,9 +99,9 @@ TEST(ImagePyramid, ALargeFieldOfViewTakesFewerSamples) {
   };
   using Subsets = std::vector<SampleSubset>;
   const auto all = SampleSubset::kAll, half = SampleSubset::kHalf, quarter = SampleSubset::kQuarter;
-  EXPECT_EQ(subsets_of(60), (Subsets{half, all}));         // 1.7 litres, as the options say
-  EXPECT_EQ(subsets_of(76), (Subsets{half, half}));        // 3.5 litres
-  EXPECT_EQ(subsets_of(90), (Subsets{quarter, quarter}));  // 5.8 litres
+  EXPECT_EQ(subsets_of(48), (Subsets{half, all}));         // 0.9 litres, as the options say
+  EXPECT_EQ(subsets_of(60), (Subsets{half, half}));        // 1.7 litres
+  EXPECT_EQ(subsets_of(76), (Subsets{quarter, quarter}));  // 3.5 litres
 }
 
 TEST(ImagePyramid, OptionsForParallelBeamsRefuseOthers) {
