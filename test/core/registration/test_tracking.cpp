@@ -75,16 +75,17 @@ TEST_F(Tracking, ACorrectedSweepStaysCorrected) {
   EXPECT_NE(second.message.find("the frames were taken to lie"), std::string::npos);
 }
 
-/// The motor is slow on the other side on its way back.
+/// The motor is slow on the other side on its way back, so much that nothing is accepted with the
+/// correction of the first registration.
 TEST_F(Tracking, ASweepThatWasCorrectedMayBeWrongOtherwiseNext) {
-  const RegistrationCase there = slow_on_one_side(1.25, 1.0);
-  const RegistrationCase back = slow_on_one_side(1.0, 1.25);
+  const RegistrationCase there = slow_on_one_side(1.45, 1.0);
+  const RegistrationCase back = slow_on_one_side(1.0, 1.45);
   const RegistrationResult first = next(there.us, nearby(there));
   ASSERT_TRUE(first.T_us_ct) << first.message;
   const RegistrationResult second = next(back.us, *first.T_us_ct);
   ASSERT_TRUE(second.T_us_ct) << second.message;
   EXPECT_LT(back.error_mm(*second.T_us_ct), 2.0);
-  EXPECT_GT(*first.measures.sweep_unevenness, 0.02);
+  EXPECT_NE(first.message.find("the frames were taken to lie"), std::string::npos);
   EXPECT_LT(*second.measures.sweep_unevenness, -0.02);
 }
 
