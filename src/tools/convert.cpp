@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "commands.h"
 #include "convert_ultrasound.h"
@@ -62,9 +63,26 @@ void convert_volume(const Volume<T>& volume, const ConvertOptions& options) {
     write_volume(options.reorient ? reorient_to_axes(volume) : volume, options.output);
 }
 
+/// The type of voxel that holds the values of a file which scales what it stores.
+std::string type_of_scaled(const Volume<float>& volume) {
+  const auto [least, greatest] = std::minmax_element(volume.voxels.begin(), volume.voxels.end());
+  const auto all_lie_in = [&, low = *least, high = *greatest](auto type) {
+    using Limits = std::numeric_limits<decltype(type)>;
+    return low >= static_cast<float>(Limits::min()) && high <= static_cast<float>(Limits::max());
+  };
+  const bool are_whole = std::all_of(volume.voxels.begin(), volume.voxels.end(),
+                                     [](float value) { return value == std::nearbyint(value); });
+  if (are_whole && all_lie_in(std::int16_t{})) return "int16";
+  if (are_whole && all_lie_in(std::uint16_t{})) return "uint16";
+  return "float32";
+}
+
 /// Converts in the type of voxel that the file stores, or the closest one that can be written.
 void convert_volume_file(const ConvertOptions& options) {
-  const std::string component = read_volume_info(options.input).component;
+  const VolumeInfo info = read_volume_info(options.input);
+  const bool is_scaled = info.scale != 1.0 || info.offset != 0.0;
+  const std::string component =
+      is_scaled ? type_of_scaled(read_volume<float>(options.input)) : info.component;
   if (component == "uint8")
     convert_volume(read_volume<std::uint8_t>(options.input), options);
   else if (component == "uint16")
@@ -73,6 +91,23 @@ void convert_volume_file(const ConvertOptions& options) {
     convert_volume(read_volume<float>(options.input), options);
   else
     convert_volume(read_volume<std::int16_t>(options.input), options);
+}
+
+/// Throws InputError if one of the options that are given is for another content.
+void check_options(const ConvertOptions& options, const FileFormat& format) {
+  const auto refuse_if = [&](bool is_given, const char* option, const char* content) {
+    if (is_given)
+      throw InputError(options.input, "'" + std::string(option) + "' is for " + content +
+                                          ", but this is a " + format.name);
+  };
+  if (format.content != FileContent::kCtSeries) require_no_choice(options.dicom, options.input);
+  if (format.content != FileContent::kCtSeries && format.content != FileContent::kVolume) {
+    refuse_if(options.reorient, "--reorient", "volumes");
+    refuse_if(!options.along_beams.empty(), "--along-beams", "volumes");
+  }
+  if (format.content != FileContent::kUltrasound)
+    refuse_if(options.ultrasound.scan_convert_mm > 0.0, "--scan-convert", "ultrasound");
+  check_ultrasound_options(options.ultrasound.input.source(options.input), format);
 }
 
 /// The transform of a registered result. Throws InputError for any other result.
@@ -86,7 +121,7 @@ Eigen::Isometry3d transform_of_result(const std::string& path) {
 
 int run_convert(const ConvertOptions& options) {
   const FileFormat& format = detect_format(options.input);
-  check_ultrasound_options(options.ultrasound.input.source(options.input), format);
+  check_options(options, format);
   switch (format.content) {
     case FileContent::kCtSeries:
       convert_volume(read_ct_with_warnings(options.input, options.dicom,
@@ -134,14 +169,21 @@ void add_convert_command(CLI::App& app, Run& run) {
   add_dicom_options(*command, options->dicom);
 
   CLI::App* volume = command->add_option_group("Volumes");
-  volume->add_flag("--reorient", options->reorient,
-                   "permute and flip the axes to be as close to x, y, z as they can");
-  volume->add_option("--along-beams", options->along_beams,
-                     "pre-scan file whose beams the volume is sampled along");
-  volume->add_option("--transform", options->transform,
-                     "ITK transform from US to volume points, for --along-beams (identity if not "
-                     "given)");
-  volume->add_option("--window", options->window_hu, "values that become 0 and 255")->expected(2);
+  CLI::Option* along_beams =
+      volume->add_option("--along-beams", options->along_beams,
+                         "pre-scan file whose beams the volume is sampled along");
+  volume
+      ->add_flag("--reorient", options->reorient,
+                 "permute and flip the axes to be as close to x, y, z as they can")
+      ->excludes(along_beams);
+  volume
+      ->add_option("--transform", options->transform,
+                   "ITK transform from US to volume points, for --along-beams (identity if not "
+                   "given)")
+      ->needs(along_beams);
+  volume->add_option("--window", options->window_hu, "values that become 0 and 255")
+      ->expected(2)
+      ->needs(along_beams);
 
   options->ultrasound.add_to(*command);
   command->add_flag("--quiet", options->quiet, "no progress bar");

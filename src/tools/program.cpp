@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <stdexcept>
 
 #include "exit_status.h"
 #include "us_ct_registration/error.h"
@@ -21,7 +22,10 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
     app.exit(error);
     return kBadInput;
   }
-  return run();
+  const int status = run();
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+    throw std::runtime_error("standard output cannot be written to");
+  return status;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "io/options/options_reader.h"
+#include "require.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {
@@ -66,6 +67,8 @@ StudyOptions read_starts(const YAML::Node& node, const std::string& source) {
   YamlKeys keys(node, source, path);
   StudyOptions starts;
   read_optional(keys, "count", starts.starts);
+  io::with_path(source, path,
+                [&] { require(starts.starts >= 1, source, "count", starts.starts, ">= 1"); });
   read_optional(keys, "bins", starts.bins);
   if (keys.has("kinds")) starts.kinds.clear();
   for (const std::string& name : read_words(keys, "kinds"))

@@ -96,7 +96,7 @@ std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
   SimilarityImages along_beams = with_beams(images);
   const std::shared_ptr<const Similarity> stretched =
       make_similarity(along_beams, on_samples(similarity, SampleSubset::kHalf));
-  if (!stretched) return std::nullopt;
+  if (!stretched || stretched->part_centres_us_mm().empty()) return std::nullopt;
   const ErrorClimbs climbs(*stretched, {judged.T_us_ct, {}}, options, field, run);
   const AcquisitionErrors most = most_errors(similarity);
   const AcquisitionErrors depth{most.depth, 0.0, 0.0};

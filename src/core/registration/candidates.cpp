@@ -41,9 +41,7 @@ class Parameters {
          {std::pair(limits.depth, from_.errors.depth), std::pair(limits.sweep, from_.errors.sweep),
           std::pair(limits.unevenness, from_.errors.unevenness)}) {
       if (!(limit > 0.0)) continue;
-      // One percent moves the far end of a usual field of view by about a millimetre.
-      constexpr double kScale = 0.01;
-      problem.scale[at] = kScale;
+      problem.scale[at] = kErrorPerUnit;
       problem.start[at] = error;
       problem.lower[at] = -limit;
       problem.upper[at] = limit;

@@ -10,6 +10,10 @@
 
 namespace usct::registration {
 
+/// Errors of the acquisition that one unit of an optimizer's step changes: one per cent moves the
+/// far end of a usual field of view by about a millimetre.
+constexpr double kErrorPerUnit = 0.01;
+
 /// A pose and its similarity.
 struct Candidate {
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();

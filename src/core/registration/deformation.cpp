@@ -51,8 +51,10 @@ double stretch_of(const std::vector<Wish>& wishes, const TissueRegion& region) {
     normal += wish.weight * effect.transpose() * effect;
     right += wish.weight * effect.transpose() * wish.motion_mm;
   }
-  // Few wishes do not determine all parameters; those of least size are then taken.
-  return normal.completeOrthogonalDecomposition().solve(right)[6];
+  // Few wishes do not determine all parameters; those of least size are then taken. Nor do wishes
+  // in one layer across the frames, as in a short sweep, where noise may pass for any stretch.
+  constexpr double kMost = 0.2;  // more than errors of motors and trackers are
+  return std::clamp(normal.completeOrthogonalDecomposition().solve(right)[6], -kMost, kMost);
 }
 
 }  // namespace

@@ -22,7 +22,8 @@ struct SearchProblem {
   const Eigen::Isometry3d& T_us_ct_initial;
   const FieldPoints& field;
   std::uint32_t seed;
-  /// A pose from which the first round climbs at every level, whatever its rank there.
+  /// A pose from which the first round climbs at every level, whatever its rank there; at the first
+  /// level the initial pose is one of the starts.
   Eigen::Isometry3d T_us_ct_given = T_us_ct_initial;
   /// Each start is tried moved by one of these translations too, which take turns; US frame.
   std::vector<Eigen::Vector3d> start_shifts_us_mm = {};

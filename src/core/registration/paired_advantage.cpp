@@ -8,10 +8,10 @@ namespace usct::registration {
 
 double paired_advantage(const std::vector<double>& parts, const std::vector<double>& other,
                         const Clusters& clusters) {
+  if (clusters.count() < 2) return std::numeric_limits<double>::quiet_NaN();
   std::vector<double> differences;
   for (std::size_t i = 0; i < parts.size(); ++i) differences.push_back(parts[i] - other[i]);
   const std::vector<double> sums = clusters.sums(differences);
-  if (sums.size() < 2) return std::numeric_limits<double>::quiet_NaN();
   const auto count = static_cast<double>(sums.size());
   const double total = std::accumulate(sums.begin(), sums.end(), 0.0);
   double squares = 0.0;

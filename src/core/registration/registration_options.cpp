@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "registration/candidates.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
 
@@ -136,6 +137,11 @@ void RefinementOptions::validate(const std::string& source) const {
           only);
   require(sweep_error == 0.0 || needs.follows_sweep_error, source, "sweep_error", sweep_error,
           only);
+  const double least = 2.0 * registration::kErrorPerUnit * optimizer.step_tolerance;
+  for (const auto& [name, limit] :
+       {std::pair("depth_error", depth_error), std::pair("sweep_error", sweep_error)})
+    require(limit == 0.0 || limit >= least, source, name, limit,
+            "0, or >= " + std::to_string(least) + " with this optimizer.step_tolerance");
 }
 
 void PartOptions::validate(const std::string& source) const {
@@ -168,6 +174,31 @@ void ConfidenceOptions::validate(const std::string& source) const {
   error.validate(source + ".error");
 }
 
+namespace {
+
+/// Evidence mirrors the images of the search, and compares patches. Whole beams cannot be mirrored.
+void require_evidence(const RegistrationOptions& options, const std::string& source) {
+  const auto refuse = [&](const std::string& option, const SimilarityOptions& similarity,
+                          const std::string& instead) {
+    throw InputError(
+        source, "'" + option + "' is " + similarity_name(similarity) +
+                    ", which gives no evidence for the gate 'max_wrong_probability': " + instead);
+  };
+  const ConfidenceOptions& confidence = options.confidence;
+  const std::vector<LevelOptions>& levels = options.search.levels;
+  for (std::size_t i = 0; i < levels.size(); ++i)
+    if (confidence.evidence != EvidenceSource::kPatient &&
+        needs_of(levels[i].similarity).recorded_ct)
+      refuse("search.levels[" + std::to_string(i) + "].similarity", levels[i].similarity,
+             "'confidence.evidence' must be patient");
+  for (const auto& [option, similarity] :
+       {std::pair("confidence.similarity", &confidence.similarity),
+        std::pair("confidence.ridge_similarity", &confidence.ridge_similarity)})
+    if (!needs_of(*similarity).patches) refuse(option, *similarity, "it must compare patches");
+}
+
+}  // namespace
+
 void RegistrationOptions::validate(const std::string& source) const {
   window.validate(source + ".window");
   require(outside_hu >= window.low_hu && outside_hu <= window.high_hu, source, "outside_hu",
@@ -178,6 +209,7 @@ void RegistrationOptions::validate(const std::string& source) const {
   search.validate(source + ".search");
   if (refinement) refinement->validate(source + ".refinement");
   confidence.validate(source + ".confidence");
+  if (confidence.gates.max_wrong_probability) require_evidence(*this, source);
 }
 
 }  // namespace usct

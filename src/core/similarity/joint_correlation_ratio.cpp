@@ -67,9 +67,10 @@ class JointCorrelationRatio final : public PoseByPose {
     result.overlap = sums.inside / static_cast<double>(images_.us->count);
     if (!(sums.inside > 0.0)) return result;
     double explained = 0.0;
-    for (std::size_t knot = 0; knot < sums.count.size(); ++knot)
-      explained += sums.ultrasound[knot] * sums.ultrasound[knot] /
-                   (sums.count[knot] + options_.prior_samples);
+    for (std::size_t knot = 0; knot < sums.count.size(); ++knot) {
+      const double count = sums.count[knot] + options_.prior_samples;
+      if (count > 0.0) explained += sums.ultrasound[knot] * sums.ultrasound[knot] / count;
+    }
     result.value = explained / centred_.square_sum;
     return result;
   }

@@ -155,7 +155,7 @@ TEST_F(StudyFile, WhatIsWrongIsNamedWithItsPath) {
   expect_refused("cases: [cases/agar_*, cases/patient_1]", "", "key 'cases' is missing");
   expect_refused("cases/agar_*", "cases/pig_*", "'cases' has 'cases/pig_*', must match a folder");
   expect_refused("count: 20", "starts: 20", "key 'starts.starts' is unknown");
-  expect_refused("count: 20", "count: 0", "'starts.starts' is 0");
+  expect_refused("count: 20", "count: 0", "'starts.count' is 0");
   expect_refused("[3, 5]", "[3, 3]", "'starts.seeds' has '3' twice");
   expect_refused("[3, 5]", "[3, -5]", "'starts.seeds[1]' is '-5'");
   expect_refused("kinds: [start, stranger]", "kinds: [begin]", "'starts.kinds' is 'begin'");

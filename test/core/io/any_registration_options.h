@@ -205,8 +205,8 @@ inline void randomise(RefinementOptions& o) {
   randomise(static_cast<ClimbOptions&>(o));
   o.ct_margin_mm = between(0, 30);
   const SimilarityNeeds needs = needs_of(o.similarity);
-  o.depth_error = needs.follows_depth_error ? between(0, 0.1) : 0.0;
-  o.sweep_error = needs.follows_sweep_error ? between(0, 0.1) : 0.0;
+  o.depth_error = needs.follows_depth_error ? between(0.05, 0.2) : 0.0;
+  o.sweep_error = needs.follows_sweep_error ? between(0.05, 0.2) : 0.0;
 }
 inline void randomise(GateLimits& o) {
   auto& [overlap, wrong_probability] = o;
@@ -256,6 +256,13 @@ inline RegistrationOptions any_options() {
   randomise(confidence);
   correct_sweep = any_bool();
   seed = *rc::gen::arbitrary<std::uint32_t>();
+  // Evidence compares patches, and mirrors the images of the levels.
+  bool has_evidence =
+      needs_of(confidence.similarity).patches && needs_of(confidence.ridge_similarity).patches;
+  for (const LevelOptions& level : search.levels)
+    has_evidence &=
+        confidence.evidence == EvidenceSource::kPatient || !needs_of(level.similarity).recorded_ct;
+  if (!has_evidence) confidence.gates.max_wrong_probability.reset();
   return options;
 }
 

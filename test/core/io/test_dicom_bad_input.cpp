@@ -64,10 +64,10 @@ TEST_F(DicomBadInput, NamesTheAttributeTheValueAndTheConstraint) {
       samples(0x28, 0x2), meaning(0x28, 0x4), modality(0x8, 0x60), pixels(0x7fe0, 0x10),
       frames(0x28, 0x8);
   const std::vector<Case> cases = {
-      {rows, short_bytes(0), {"'Rows' is 0", ">= 1"}},
+      {rows, short_bytes(0), {"'Rows' is 0", "within [1, 8192]"}},
       {rows, std::nullopt, {"'Rows' is missing"}},
       {rows, std::string(4, '\1'), {"'Rows'", "4 bytes"}},
-      {rows, short_bytes(60000), {"size", "60000"}},
+      {rows, short_bytes(6000), {"size", "6000"}},
       {columns, short_bytes(0), {"'Columns' is 0"}},
       {spacing, "nan\\1", {"'PixelSpacing'", "nan"}},
       {spacing, "0\\1", {"'PixelSpacing'", "> 0"}},
@@ -178,6 +178,16 @@ TEST_F(DicomBadInput, CompressedStreamOfAnotherSizeIsRefused) {
   bytes[bytes.find(rows) + rows.size()] = 12;
   write_text(spoilt(), bytes);
   expect_refused({"16 x 13", "16 x 12"});
+}
+
+/// A compressed slice of a few bytes may claim any size, for which memory would be taken.
+TEST_F(DicomBadInput, SizesOfNoScannerAreRefused) {
+  for (const auto& [tag, name] : {std::pair(0x0010, "'Rows'"), std::pair(0x0011, "'Columns'")}) {
+    DicomSlice slice = slices_[1];
+    slice.changes[gdcm::Tag(0x0028, static_cast<std::uint16_t>(tag))] = short_bytes(60000);
+    test::write_dicom(spoilt(), slice);
+    expect_refused({name, "60000", "8192"});
+  }
 }
 
 TEST_F(DicomBadInput, CompressionThatIsNotKnownIsNamed) {

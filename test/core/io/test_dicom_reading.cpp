@@ -5,6 +5,7 @@
 #include "core/io/dicom_patient.h"
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 
@@ -68,6 +69,34 @@ TEST(DicomReading, PositionsMayBeRoundedWithinTheTolerance) {
   DicomReadOptions strict;
   strict.position_tolerance = 0.005;
   expect_input_error([&] { read_dicom_ct(folder.path(), strict); }, {"uneven"});
+}
+
+/// An icon may hold compressed pixels of its own: fragments, which are no items with elements.
+TEST(DicomReading, AnIconWithFragmentsIsPassedOver) {
+  const TemporaryFolder folder;
+  const Grid grid = test::example_grids().front().grid;
+  test::write_shuffled(folder.path(), test::slices_of(grid));
+  const CtVolume before = read_dicom_ct(folder.path()).volume;
+  const auto element = [](const char* tag, const char* vr) {
+    return std::string(tag, 4) + vr + std::string("\0\0\xff\xff\xff\xff", 6);
+  };
+  const auto item = [](const std::string& bytes) {
+    return std::string("\xfe\xff\x00\xe0", 4) + static_cast<char>(bytes.size()) +
+           std::string(3, '\0') + bytes;
+  };
+  const std::string end("\xfe\xff\xdd\xe0\0\0\0\0", 8);
+  const std::string icon = element("\x88\x00\x00\x02", "SQ") +
+                           std::string("\xfe\xff\x00\xe0\xff\xff\xff\xff", 8) +
+                           element("\xe0\x7f\x10\x00", "OB") + item("") +
+                           item(std::string("\xff\xd8\xff\xe0\x00\x10", 6)) + end +
+                           std::string("\xfe\xff\x0d\xe0\0\0\0\0", 8) + end;
+  for (const auto& file : fs::directory_iterator(folder.path())) {
+    std::string bytes = test::read_text(file.path());
+    const std::string pixels("\xe0\x7f\x10\x00OW", 6);
+    bytes.insert(bytes.find(pixels), icon);
+    test::write_text(file.path(), bytes);
+  }
+  EXPECT_EQ(read_dicom_ct(folder.path()).volume.voxels, before.voxels);
 }
 
 /// A way to compress, by programs that share no code with the reader if Debian has such programs.

@@ -3,11 +3,13 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/io/example_volumes.h"
 #include "core/io/expect_input_error.h"
 #include "core/io/file_text.h"
 #include "core/io/itk_oracle.h"
 #include "core/io/temporary_folder.h"
 #include "core/io/volume_headers.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
@@ -105,6 +107,28 @@ TEST_F(Nifti, FormsThatAgreeAreReadAndOthersRefused) {
   NiftiFile both = qform_file().put(76, -1.0F).put(254, std::int16_t{1});
   EXPECT_EQ(read(both).grid.origin_mm, Eigen::Vector3d(-10, -20, 30));
   expect_refused(both.put(268, 11.0F), {"qform", "sform", "1 mm apart"});
+}
+
+/// Turned about x or y alone, the axes have a quaternion without a real part, since RAS is LPS
+/// turned by half a turn: rounding of the others must not turn them.
+TEST_F(Nifti, AxesOfATiltedCtComeBackFromEitherForm) {
+  Grid grid = test::example_grids().front().grid;
+  grid.size = {512, 512, 1};
+  for (const double about_x : {0.0, 0.2, 7.0, 18.5, 30.0})
+    for (const double about_y : {0.0, 0.1, -25.0}) {
+      SCOPED_TRACE(std::to_string(about_x) + ", " + std::to_string(about_y));
+      grid.direction = (Eigen::AngleAxisd(radians(about_x), Eigen::Vector3d::UnitX()) *
+                        Eigen::AngleAxisd(radians(about_y), Eigen::Vector3d::UnitY()))
+                           .matrix();
+      write_volume(CtVolume(grid), path_);
+      expect_near_grid(read_volume_info(path_).grid, grid, 1e-3);
+      std::string bytes = test::read_text(path_);
+      bytes.replace(254, 2, 2, '\0');  // sform_code
+      write_text(path_, bytes);
+      // Where neither turn is small, the real part is not small either, and what rounding makes of
+      // it is.
+      if (about_x * about_y == 0.0) expect_near_grid(read_volume_info(path_).grid, grid, 1e-3);
+    }
 }
 
 TEST_F(Nifti, UnitsOfLength) {

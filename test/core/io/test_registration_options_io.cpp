@@ -244,6 +244,11 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
         std::string("preset: patient\nconfidence: {ridge_similarity: {channel: along_beam}, "
                     "parts: {optimizer: {method: gauss_newton}}}\n")})
     expect_refused(text, {"optimizer.method' is 'gauss_newton'", "no derivatives"});
+  // Smaller errors would leave no room for a step.
+  expect_refused("preset: patient\nrefinement: {depth_error: 0.0008}\n",
+                 {"'refinement.depth_error' is 0.0008", "0.001", "step_tolerance"});
+  expect_refused("preset: thesis_b\nconfidence: {evidence: own}\n",
+                 {"'search.levels[0].similarity' is simulated_lc2", "no evidence", "patient"});
   expect_refused(level("screened: 3"), {"'search.levels[1].screened' is 3", "optimised"});
   for (const char* seed : {"-1", "4294967296", "0.5", "x"})
     expect_refused("preset: patient\nseed: " + std::string(seed) + "\n", {"'seed'", seed});

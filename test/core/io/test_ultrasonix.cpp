@@ -104,6 +104,13 @@ TEST(Ultrasonix, SweepsAlternateDirection) {
         to_prescan(sequence, linear_probe(), SweepSelection{0, 7, false}, "frames.bpr");
       },
       {"frames.bpr", "6 frames", "7"});
+  // With a wrong number, each sweep would take frames of its neighbours at wrong angles.
+  for (const int wrong : {4, 5})
+    expect_input_error(
+        [&] {
+          to_prescan(sequence, linear_probe(), SweepSelection{0, wrong, false}, "frames.bpr");
+        },
+        {"frames.bpr", "6 frames", "'frames_per_sweep' is " + std::to_string(wrong), "divide"});
 }
 
 TEST(Ultrasonix, TrackedFramesGetTheirPoses) {

@@ -159,6 +159,43 @@ TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
        {"ElementDataFile = LOCAL\n", "", {"must be 'Field = value'"}}});
 }
 
+TEST(MetaImage, AFieldThatIsGivenTwiceMustAgree) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.mha";
+  const std::string twice = replaced(kMeta, "ElementType", "Position = 10 20 30\nElementType");
+  write_text(path, twice + kBigEndianVoxels);
+  EXPECT_NO_THROW(read_volume<std::int16_t>(path));
+  write_text(path, replaced(twice, "Position = 10 20 30", "Position = 1 2 3") + kBigEndianVoxels);
+  expect_input_error([&] { read_volume<std::int16_t>(path); },
+                     {path.string(), "'Position' is '1 2 3'", "'Offset'", "10 20 30"});
+}
+
+/// The voxels of another volume may be those of the one that is converted.
+TEST(MetaImage, VoxelsOfAnotherHeaderAreNotReplaced) {
+  const TemporaryFolder folder;
+  const fs::path own = folder.path() / "a.mhd";
+  const fs::path data = folder.path() / "a.raw";
+  const CtVolume volume = test::sampled(test::example_grids().front().grid);
+  write_volume(volume, own);
+  EXPECT_NO_THROW(write_volume(volume, own));  // its own may be
+  const std::string before = test::read_text(data);
+  fs::remove(own);
+  expect_input_error([&] { write_volume(volume, own); }, {data.string(), "exists", own.string()});
+  EXPECT_EQ(test::read_text(data), before);
+  EXPECT_FALSE(fs::exists(own));
+}
+
+TEST(MetaImage, ATargetThatCannotBeWrittenLeavesNothing) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder.path() / "a.mhd");
+  expect_input_error(
+      [&] {
+        write_volume(test::sampled(test::example_grids().front().grid), folder.path() / "a.mhd");
+      },
+      {"a.mhd", "is a folder"});
+  EXPECT_FALSE(fs::exists(folder.path() / "a.raw"));
+}
+
 TEST(MetaImage, HeaderIsNotThereWithoutItsVoxels) {
   const TemporaryFolder folder;
   const fs::path header = folder.path() / "a.mhd";

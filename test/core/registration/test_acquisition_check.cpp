@@ -72,6 +72,17 @@ class CheckedPoses : public testing::Test {
   registration::Run run_{hooks_};
 };
 
+/// It is compared patch by patch, and other metrics have no patches to compare.
+TEST_F(CheckedPoses, AMetricWithoutPartsSaysNothing) {
+  JointCorrelationRatioOptions joint;
+  joint.patches = cubes(7.0);
+  NccOptions ncc;
+  ncc.patches = cubes(7.0);
+  for (const SimilarityOptions& metric : {SimilarityOptions(joint), SimilarityOptions(ncc)})
+    EXPECT_FALSE(registration::check_acquisition({Isometry3d::Identity(), {}}, images(), metric,
+                                                 options_, FieldPoints(points_), run_));
+}
+
 /// A longer first step over pose and errors may lead to another optimum, such as the right pose
 /// beside a wrong one. What it finds there says nothing of the pose that is checked.
 TEST_F(CheckedPoses, ErrorsAreThoseOfTheOptimumThatIsChecked) {

@@ -72,6 +72,24 @@ std::vector<Vector3d> random_places() {
   return places;
 }
 
+/// The cubes of a short sweep lie in one layer across its frames. A stretch of that, a shift and a
+/// turn then differ by little, and noise must not pass for a stretch of any size.
+TEST(Deformation, OfAShortSweepIsThatOfItsMotions) {
+  for (const double tilt_rad : {0.0, 0.002, 0.01, 0.1}) {
+    TissueRegion region = kAll;
+    region.sweep_axis_us = Vector3d(std::sin(tilt_rad), 0.0, std::cos(tilt_rad));
+    std::vector<Wish> wishes;
+    double squares = 0.0;
+    for (const int x : {-1, 0, 1})
+      for (const int y : {-1, 0, 1}) {
+        const Vector3d motion_mm(0.5 * std::sin(5 * x + y), 0.4 * std::cos(3 * y), 0.5 * x * y);
+        wishes.push_back({region.centre_us_mm + 16.0 * Vector3d(x, y, 0.0), motion_mm, 1.0});
+        squares += motion_mm.squaredNorm();
+      }
+    EXPECT_LT(deformation_mm(wishes, region), 1.5 * std::sqrt(squares / 9.0) + 0.1) << tilt_rad;
+  }
+}
+
 /// A wrong step of the motor must neither count as a motion of tissue nor hide one. The tissue here
 /// moves and turns as a whole, and the stretch is added to that.
 RC_GTEST_PROP(Deformation, DoesNotCountAStretchAcrossTheFrames, ()) {

@@ -67,6 +67,8 @@ TEST(PairedAdvantage, PosesThatAreTheSameInEveryPartHaveNone) {
 TEST(PairedAdvantage, OneClusterSaysNothing) {
   EXPECT_TRUE(std::isnan(paired_advantage({1, 2}, {0, 0}, Clusters({{1, 1, 1}, {2, 2, 2}}, 10.0))));
   EXPECT_TRUE(std::isnan(paired_advantage({}, {}, Clusters({}, 10.0))));
+  // A similarity that is no sum has one part, which lies nowhere.
+  EXPECT_TRUE(std::isnan(paired_advantage({1}, {0}, Clusters({}, 10.0))));
 }
 
 }  // namespace

@@ -357,6 +357,8 @@ RC_GTEST_PROP(PatchSimilarity, JointCorrelationRatioIsThatOfItsKnotsByDefinition
   c.options.channel = GradientChannel::kMagnitude;
   c.options.gradient_bins = integer(2, 33);
   c.options.gradient_scale_hu_per_mm = uniform(5.0, 100.0);
+  c.options.prior_samples =
+      *rc::gen::element(0.0, 10.0);  // with 0, knots without samples are 0 / 0
   const auto samples = all_of(seen_by(c));
   RC_PRE(share_inside(samples) > 0.05);
   const double mean = mean_u(samples);
@@ -374,7 +376,8 @@ RC_GTEST_PROP(PatchSimilarity, JointCorrelationRatioIsThatOfItsKnotsByDefinition
         count(i, j) += weight;
       }
   }
-  const double explained = (sum.array().square() / (count.array() + 10.0)).sum();
+  const double explained =
+      (sum.array().square() / (count.array() + c.options.prior_samples).max(1e-12)).sum();
   const double all = variance_u(samples) * static_cast<double>(samples.size());
   RC_ASSERT(std::abs(c.value().value - explained / all) < kTolerance);
 }

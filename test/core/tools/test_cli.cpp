@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "core/io/example_volumes.h"
 #include "core/tools/run_usct.h"
 #include "test_data.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -227,6 +229,51 @@ TEST_F(Cli, VolumesKeepTheirVoxelsInSpaceThroughEveryFormat) {
         EXPECT_EQ(sample(result, grid.physical_from_index(Eigen::Vector3d(i, j, k)),
                          Interpolation::kNearest, Outside::constant(-9999)),
                   ct.at(i, j, k));
+}
+
+/// An option that is passed over in silence leaves a user with a file that is not what was asked
+/// for.
+TEST_F(Cli, ConvertRefusesOptionsForOtherContent) {
+  CtVolume ct(test::example_grids().front().grid);
+  write_volume(ct, path("ct.nrrd"));
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  const auto refused = [&](const char* input, std::vector<std::string> options,
+                           const std::string& named) {
+    options.insert(options.begin(), {"convert", path(input), path("out.nrrd")});
+    expect_refused(options, named);
+    EXPECT_FALSE(std::filesystem::exists(path("out.nrrd")));
+  };
+  refused("ct.nrrd", {"--transform", "a.tfm"}, "--along-beams");
+  refused("ct.nrrd", {"--window", "0", "100"}, "--along-beams");
+  refused("ct.nrrd", {"--reorient", "--along-beams", path("us.nrrd"), "--window", "0", "9"},
+          "--reorient");
+  refused("ct.nrrd", {"--series", "1.2"}, "DICOM");
+  refused("ct.nrrd", {"--scan-convert", "2"}, "'--scan-convert' is for ultrasound");
+  refused("us.nrrd", {"--reorient"}, "'--reorient' is for volumes");
+  refused("us.nrrd", {"--along-beams", path("us.nrrd")}, "'--along-beams' is for volumes");
+}
+
+/// A file may store small whole numbers, with a slope and an intercept that make others of them.
+TEST_F(Cli, ScaledVoxelsAreConvertedToATypeThatHoldsThem) {
+  Volume<std::uint8_t> stored(test::example_grids().front().grid);
+  for (std::size_t i = 0; i < stored.voxels.size(); ++i)
+    stored.voxels[i] = static_cast<std::uint8_t>(i % 256);
+  for (const auto& [slope, intercept] :
+       {std::pair(16.0F, -1024.0F), std::pair(0.001F, 0.0F), std::pair(200.0F, 0.0F)}) {
+    write_volume(stored, path("a.nii"));
+    std::string bytes = test::read_text(path("a.nii"));
+    std::memcpy(&bytes[112], &slope, 4);  // scl_slope and scl_inter of nifti1.h
+    std::memcpy(&bytes[116], &intercept, 4);
+    test::write_text(path("a.nii"), bytes);
+    run({"convert", path("a.nii"), path("b.nrrd")});
+    const auto converted = read_volume<float>(path("b.nrrd"));
+    for (std::size_t i = 0; i < stored.voxels.size(); ++i)
+      ASSERT_FLOAT_EQ(converted.voxels[i], slope * stored.voxels[i] + intercept);
+  }
+}
+
+TEST_F(Cli, OutputThatCannotBeWrittenIsAFailure) {
+  EXPECT_NE(std::system("'" USCT_TOOL "' presets > /dev/full 2> /dev/null"), 0);
 }
 
 TEST_F(Cli, ARecordingAndItsProbeGiveTheAcquisitionBack) {

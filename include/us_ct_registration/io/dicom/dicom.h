@@ -108,8 +108,12 @@ std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
 LoadedCt read_dicom_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                        const Progress& progress = {}, const CtSelection& selection = {});
 
+/// Throws InputError if a series or an acquisition is chosen, for a file that is not DICOM.
+void require_no_choice(const DicomReadOptions& options, const std::string& source);
+
 /// The CT at `path`, which is a folder of DICOM files, a DICOM file (see read_dicom_ct), or an
-/// image file (see volume_io.h; `options` are not used then). Throws InputError.
+/// image file (see volume_io.h), of which no series or acquisition can be chosen. Throws
+/// InputError.
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                  const Progress& progress = {}, const CtSelection& selection = {});
 

@@ -159,11 +159,18 @@ bool is_dicom(const fs::path& path) {
   }
 }
 
+void require_no_choice(const DicomReadOptions& options, const std::string& source) {
+  if (!options.series_uid.empty() || options.acquisition_number)
+    throw InputError(
+        source, "holds one volume, but a series or an acquisition is chosen, which is for DICOM");
+}
+
 LoadedCt read_ct(const fs::path& path, const DicomReadOptions& options, const Progress& progress,
                  const CtSelection& selection) {
   std::error_code error;
   if (!has_volume_extension(path) || fs::is_directory(path, error))
     return read_dicom_ct(path, options, progress, selection);
+  require_no_choice(options, path.string());
   LoadedCt ct;
   const VolumeInfo info = read_volume_info(path);
   ct.format = info.format;

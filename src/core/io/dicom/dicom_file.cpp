@@ -249,8 +249,12 @@ DicomImages read_images(const fs::path& path, const DicomDataset& top) {
   };
   images.rows = top.require_short(kRows);
   images.columns = top.require_short(kColumns);
-  if (images.rows < 1) top.refuse(kRows, "0", ">= 1");
-  if (images.columns < 1) top.refuse(kColumns, "0", ">= 1");
+  // A compressed slice of a few bytes may claim any size, and memory is taken before it is decoded.
+  constexpr int kMost = 8192;
+  for (const auto& [attribute, count] :
+       {std::pair(&kRows, images.rows), {&kColumns, images.columns}})
+    if (count < 1 || count > kMost)
+      top.refuse(*attribute, std::to_string(count), "within [1, " + std::to_string(kMost) + "]");
   require_one_of(kSamples, {1}, "1");
   if (const std::string meaning = top.text(kPhotometric); meaning != "MONOCHROME2")
     top.refuse(kPhotometric, in_quotes(meaning), "'MONOCHROME2'");

@@ -181,6 +181,13 @@ class Parser {
       refuse(header.place, "delimiter " + tag_text(header.tag) + " without a sequence");
     const bool undefined = header.length == kUndefinedLength;
     if (!undefined) require(header.length, "the value of " + tag_text(header.tag));
+    // An icon, say, holds compressed pixels of its own, as fragments and not as items with
+    // elements.
+    if (undefined &&
+        (header.tag == kPixelDataTag || header.vr_text() == "OB" || header.vr_text() == "OW")) {
+      parse_pixels(header);
+      return;
+    }
     if (undefined || (data != nullptr && holds(wanted_.sequences, header.tag))) {
       parse_sequence(header, data, depth);
       return;

@@ -69,6 +69,14 @@ PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& 
                                  std::to_string(selection.frames_per_sweep));
   const int sweeps =
       selection.frames_per_sweep == 0 ? 1 : recorded.frames / selection.frames_per_sweep;
+  // A number that is off by a few frames would take each sweep from its neighbour's frames, at
+  // wrong angles of the motor, and no image shows it.
+  const int left = recorded.frames - sweeps * selection.frames_per_sweep;
+  if (selection.frames_per_sweep > 0 && left > 0)
+    throw InputError(source,
+                     "has " + std::to_string(recorded.frames) + " frames, 'frames_per_sweep' is " +
+                         std::to_string(selection.frames_per_sweep) + ", must divide them (" +
+                         std::to_string(left) + " frames are left over)");
   if (selection.index < 0 || selection.index >= sweeps)
     throw InputError(source, "has " + std::to_string(sweeps) + " sweeps, number " +
                                  std::to_string(selection.index) + " (from 0) was asked for");

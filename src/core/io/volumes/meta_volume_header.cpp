@@ -53,10 +53,16 @@ MetaText read_text(const fs::path& path) {
 }
 
 /// MetaIO knows several names of some fields. Returns the one that the header uses, or the first.
+/// Throws InputError if it uses two of them with different values.
 std::string spelling(const HeaderFields& fields, std::initializer_list<const char*> names) {
-  for (const char* name : names)
-    if (fields.find(name)) return name;
-  return *names.begin();
+  std::optional<std::string> used;
+  for (const char* name : names) {
+    if (!fields.find(name)) continue;
+    if (used && fields.find(name) != fields.find(*used))
+      fields.refuse(name, "the same as '" + *used + "', " + *fields.find(*used));
+    if (!used) used = name;
+  }
+  return used.value_or(*names.begin());
 }
 
 bool is_true(const HeaderFields& fields, const std::string& field) {

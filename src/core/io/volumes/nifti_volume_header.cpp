@@ -144,6 +144,8 @@ double read_unit_mm(const NiftiBytes& file, std::vector<std::string>& warnings) 
 struct Form {
   Eigen::Matrix3d axes;
   Eigen::Vector3d origin;
+  /// Turn of the axes that the rounding of the file's numbers leaves open.
+  double rounding_rad = 0.0;
 };
 
 Form read_sform(const NiftiBytes& file) {
@@ -170,7 +172,11 @@ Form read_qform(const NiftiBytes& file) {
                      "'quatern_b/c/d' are " + format(bcd) + ", must have a length <= 1");
   if ((spacing.array() <= 0.0).any())
     throw InputError(file.source(), "'pixdim' is " + format(spacing) + ", must be > 0");
-  const double a = std::sqrt(std::max(0.0, 1.0 - bcd.squaredNorm()));
+  // Where the real part is small, rounding of the others leaves little of it: nifti1.h takes it as
+  // 0 below this square.
+  constexpr double kLeastSquare = 1e-7;
+  const double square = 1.0 - bcd.squaredNorm();
+  const double a = square < kLeastSquare ? 0.0 : std::sqrt(square);
   const Eigen::Quaterniond rotation = Eigen::Quaterniond(a, bcd.x(), bcd.y(), bcd.z()).normalized();
   const double handedness = file.number(76, "pixdim[0]") < 0.0 ? -1.0 : 1.0;
   Form form;
@@ -178,6 +184,7 @@ Form read_qform(const NiftiBytes& file) {
               Eigen::Vector3d(spacing.x(), spacing.y(), handedness * spacing.z()).asDiagonal();
   form.origin = {file.number(268, "qoffset_x"), file.number(272, "qoffset_y"),
                  file.number(276, "qoffset_z")};
+  form.rounding_rad = 2.0 * (std::sqrt(a * a + kLeastSquare) - a);
   return form;
 }
 
@@ -192,7 +199,8 @@ void check_forms_agree(const NiftiBytes& file, const Form& qform, const Form& sf
         std::max(apart, ((qform.axes - sform.axes) * index + qform.origin - sform.origin).norm());
   }
   const double smallest = sform.axes.colwise().norm().minCoeff();
-  if (apart > kFormTolerance * smallest)
+  const double diagonal = (sform.axes * (size - Eigen::Vector3i::Ones()).cast<double>()).norm();
+  if (apart > kFormTolerance * smallest + qform.rounding_rad * diagonal)
     throw InputError(file.source(), "'qform' and 'sform' place a corner " + format(apart) +
                                         " mm apart, must agree (set the code of the wrong one "
                                         "to 0)");

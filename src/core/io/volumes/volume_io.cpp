@@ -188,18 +188,32 @@ void write_nrrd(const Volume<T>& volume, const fs::path& path) {
   io::write_bytes(path, joined(io::nrrd_header(volume.grid, component_of<T>()), volume.voxels));
 }
 
+/// Throws InputError if the file with the voxels exists and belongs to anything but the header that
+/// is to be written: it may hold the voxels of the volume's own source.
+void check_is_own(const fs::path& data_file, const fs::path& header) {
+  if (!fs::exists(fs::symlink_status(data_file))) return;
+  if (fs::is_regular_file(header)) {
+    const VolumeHeader old = io::read_meta_header(header);
+    if (fs::equivalent(old.data_file, data_file)) return;
+  }
+  throw InputError(data_file.string(), "exists, and is not the data file of '" + header.string() +
+                                           "', which would replace it: choose another name");
+}
+
 template <typename T>
 void write_meta(const Volume<T>& volume, const fs::path& path) {
   const bool two_files = has_ending(path, ".mhd");
   const fs::path data_file = fs::path(path).replace_extension(".raw");
   Bytes header = io::meta_header(volume.grid, component_of<T>(),
                                  two_files ? data_file.filename().string() : "LOCAL");
-  if (two_files) {  // the header is written last, so that it never exists without its voxels
+  if (!two_files) return io::write_bytes(path, joined(std::move(header), volume.voxels));
+  check_is_own(data_file, path);
+  // The header appears last, so that it never stands beside voxels that are not its own.
+  write_atomically(path, [&](const fs::path& temporary) {
+    io::write_bytes(temporary, header);
+    fs::remove(path);
     io::write_bytes(data_file, joined({}, volume.voxels));
-    io::write_bytes(path, header);
-  } else {
-    io::write_bytes(path, joined(std::move(header), volume.voxels));
-  }
+  });
 }
 
 template <typename T>
