@@ -122,6 +122,10 @@ add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confiden
 add_test(NAME confidence_altered_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_altered_cases.py)
 add_test(NAME soak_watcher COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/bench/soak/test_soak.py)
 if(NOT USCT_CORE_ONLY)
+  add_test(NAME package_launch_files
+    COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_launch_files.py)
+  set_tests_properties(package_launch_files PROPERTIES
+    ENVIRONMENT ROS_PACKAGE_PATH=${PROJECT_SOURCE_DIR})
   add_test(NAME package_format COMMAND ${package_tests}/check_format.sh ${PROJECT_SOURCE_DIR})
   add_test(NAME package_catkin_lint COMMAND catkin_lint --strict ${PROJECT_SOURCE_DIR})
   foreach(variant cmake core_only catkin_make catkin_build)

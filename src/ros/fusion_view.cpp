@@ -35,7 +35,6 @@ constexpr std::array<Output, 4> kOutputs = {{{"fusion/elevation", &FusionView::e
 
 FusionViewNode::FusionViewNode(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
     : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
-  tf_.setUsingDedicatedThread(true);
   Parameters parameters(private_node);
   read_parameters(parameters, private_node);
   const double diagnostic_period_s = read_diagnostic_period(parameters);
@@ -72,7 +71,7 @@ void FusionViewNode::read_parameters(Parameters& parameters,
   scene_options_.centre_label = parameters.text("centre_label", "kidney");
   scene_options_.accept_service = node_.resolveName("registration/accept");
   scene_options_.reject_service = node_.resolveName("registration/reject");
-  tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
+  tf_timeout_s_ = parameters.number("tf_timeout", 1.0, 0.0, 60.0);
   if (const std::string root = parameters.text("save_root", ""); !root.empty())
     save_root_.emplace(root, private_node.resolveName("save_root"));
 }
@@ -125,8 +124,8 @@ void FusionViewNode::place(const msg::PreScanVolume& message, FusionUltrasound& 
   if (us.fixed_frame == message.header.frame_id) return;
   us.T_fixed_us.reset();
   const Eigen::Isometry3d T_fixed_us =
-      from_message_mm(tf_.lookupTransform(us.fixed_frame, message.header.frame_id,
-                                          message.header.stamp, tf_timeout_)
+      from_message_mm(wait_for_transform(tf_, us.fixed_frame, message.header.frame_id,
+                                         message.header.stamp, tf_timeout_s_)
                           .transform,
                       "tf");
   us.T_fixed_us = T_fixed_us;
@@ -183,7 +182,7 @@ std::optional<FramedPoint> FusionViewNode::placed(const geometry_msgs::PointStam
     throw InputError("fusion/centre", "has no stamp, so that tf cannot place it");
   require_not_ahead(message.header.stamp, ::ros::Time::now(), "fusion/centre", "header.stamp");
   const Eigen::Isometry3d T_fixed_frame = from_message_mm(
-      tf_.lookupTransform(fixed, frame, message.header.stamp, tf_timeout_).transform, "tf");
+      wait_for_transform(tf_, fixed, frame, message.header.stamp, tf_timeout_s_).transform, "tf");
   return FramedPoint{fixed, T_fixed_frame * p_mm};
 }
 

@@ -3,7 +3,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <geometry_msgs/PointStamped.h>
 #include <ros/ros.h>
-#include <tf2_ros/buffer.h>
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/PreScanVolume.h>
@@ -27,6 +26,7 @@
 #include "ros/fusion/fusion_scene.h"
 #include "ros/parameters.h"
 #include "ros/tf_input.h"
+#include "ros/tf_wait.h"
 
 namespace usct::ros_interface {
 
@@ -82,10 +82,10 @@ class FusionViewNode {
   ::ros::NodeHandle node_;
   std::string fixed_frame_;
   double pixel_mm_ = 0.0;
-  ::ros::Duration tf_timeout_;
+  double tf_timeout_s_ = 0.0;
   std::optional<DataRoot> save_root_;
   FusionSceneOptions scene_options_;
-  tf2_ros::Buffer tf_;
+  tf2::BufferCore tf_{::ros::Duration(kTfHistory_s)};
   std::unique_ptr<TfInput> tf_input_;
 
   std::mutex mutex_;  // guards the members below, up to seconds_

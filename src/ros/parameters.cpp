@@ -26,13 +26,6 @@ void require_within(T value, T least, T most, const std::string& name) {
   throw InputError(name, text.str());
 }
 
-double as_number(const XmlRpcValue& value, const std::string& name) {
-  XmlRpcValue copy = value;
-  if (copy.getType() == XmlRpcValue::TypeInt) return static_cast<int>(copy);
-  if (copy.getType() == XmlRpcValue::TypeDouble) return static_cast<double>(copy);
-  throw InputError(name, "is " + shown(value) + ", must be a number");
-}
-
 /// registration.launch keeps a copy of the parameters of its argument `override`.
 void require_known_override(const std::string& name, const std::string& node) {
   static const std::set<std::string> kNodes = {"ct_server",    "fusion_view", "registration",
@@ -50,6 +43,13 @@ void require_known_override(const std::string& name, const std::string& node) {
 }
 
 }  // namespace
+
+double as_number(const XmlRpcValue& value, const std::string& name) {
+  XmlRpcValue copy = value;
+  if (copy.getType() == XmlRpcValue::TypeInt) return static_cast<int>(copy);
+  if (copy.getType() == XmlRpcValue::TypeDouble) return static_cast<double>(copy);
+  throw InputError(name, "is " + shown(value) + ", must be a number");
+}
 
 Parameters::Parameters(const ::ros::NodeHandle& private_node) : node_(private_node) {}
 

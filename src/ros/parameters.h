@@ -48,6 +48,9 @@ class Parameters {
   std::set<std::string> known_groups_;
 };
 
+/// A number of the parameter `name`, which may be a whole one. Throws InputError.
+double as_number(const XmlRpc::XmlRpcValue& value, const std::string& name);
+
 /// The parameter `diagnostic_period`, which diagnostic_updater reads as well, s.
 double read_diagnostic_period(Parameters& parameters);
 

@@ -184,6 +184,9 @@ void RegistrationNode::on_goal(ActionServer::GoalHandle goal) {
       goal.setAborted(ended, result.status.message);
   };
   jobs_.put(job);
+  // A cancel may have come before the job could be found.
+  if (goal.getGoalStatus().status == actionlib_msgs::GoalStatus::PREEMPTING)
+    jobs_.cancel(job->goal_id);
 }
 
 void RegistrationNode::on_cancel(ActionServer::GoalHandle goal) {

@@ -9,6 +9,7 @@
 #include "ros/held_volumes.h"
 #include "ros/initial_alignments.h"
 #include "ros/registrar.h"
+#include "ros/tf_wait.h"
 
 namespace usct::ros_interface {
 
@@ -18,7 +19,7 @@ struct RegistrationParameters {
   HeldVolumesOptions volumes;
   RegistrarOptions registrar;
   std::optional<FramedAlignment> initial_alignment;
-  double tf_history_s = 60.0;
+  double tf_history_s = kTfHistory_s;
   int threads = 0;
   bool continuous = false;
   double diagnostic_period_s = 1.0;

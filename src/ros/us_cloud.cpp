@@ -20,7 +20,6 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
     : node_(node),
       tf_input_(tf_, node_),
       diagnostics_(node, private_node, private_node.getNamespace()) {
-  tf_.setUsingDedicatedThread(true);
   Parameters parameters(private_node);
   fixed_frame_ = parameters.frame("fixed_frame", "");
   acquired_frame_ = parameters.frame("acquired_frame", "us_acquired");
@@ -28,7 +27,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   spacing_mm_ = kMmPerM * parameters.number("spacing", 0.0005, 1e-4, 0.1);
   volume_spacing_mm_ = kMmPerM * parameters.number("volume_spacing", 0.002, 1e-4, 0.1);
   surface_alpha_ = parameters.number("surface_alpha", 0.35, 0.0, 1.0);
-  tf_timeout_ = ::ros::Duration(parameters.number("tf_timeout", 1.0, 0.0, 60.0));
+  tf_timeout_s_ = parameters.number("tf_timeout", 1.0, 0.0, 60.0);
   const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   us_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("us/cloud", 1, true);
@@ -58,7 +57,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
 Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
                                                std_msgs::Header& header) {
   const geometry_msgs::TransformStamped fixed_us =
-      tf_.lookupTransform(fixed_frame_, header.frame_id, header.stamp, tf_timeout_);
+      wait_for_transform(tf_, fixed_frame_, header.frame_id, header.stamp, tf_timeout_s_);
   const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
   header.frame_id = fixed_frame_;
   geometry_msgs::TransformStamped acquired = fixed_us;

@@ -3,7 +3,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
-#include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <us_ct_registration/Alignment.h>
 #include <us_ct_registration/CtVolume.h>
@@ -20,6 +19,7 @@
 #include <vector>
 
 #include "ros/tf_input.h"
+#include "ros/tf_wait.h"
 #include "us_ct_registration/rendering/point_clouds.h"
 
 namespace usct::ros_interface {
@@ -87,7 +87,7 @@ class UsCloud {
   double spacing_mm_ = 0.0;
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
-  ::ros::Duration tf_timeout_;
+  double tf_timeout_s_ = 0.0;
   std::mutex mutex_;            // guards the members below, up to problem_
   std::optional<Shown> shown_;  // empty until the first ultrasound arrives
   std::shared_ptr<const CtVolume> ct_;
@@ -99,7 +99,7 @@ class UsCloud {
   us_ct_registration::RegistrationResultConstPtr refused_;
   std::string problem_;  // of the last ultrasound; empty if it is shown
   ::ros::NodeHandle node_;
-  tf2_ros::Buffer tf_;
+  tf2::BufferCore tf_{::ros::Duration(kTfHistory_s)};
   TfInput tf_input_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;

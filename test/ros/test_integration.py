@@ -204,6 +204,7 @@ class TestIntegration(unittest.TestCase):
                                    ("arms", {"PSM1": {**arm, "joints": ["yaw"]}}, "must be those of the model"),
                                    ("arms", {"PSM1": {"base": "PSM1_base"}}, "arms/PSM1/tip: is ''"),
                                    ("targets", {"calyx": {"point": [0.1, 0.2]}}, "must be a list of three numbers"),
+                                   ("targets", {"calyx": {"point": [0, 1, "x"]}}, "targets/calyx/point: is x, must be a number"),
                                    ("max_age", -1.0, "must be in [0.001, 60]")):
             run(["rosparam", "set", f"/wrong/{name}", yaml.safe_dump(value)], self.system.environment)
             (node,) = roslib.packages.find_node(PACKAGE, "crtk_bridge")

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
@@ -55,7 +56,8 @@ Taken ArmBridge::counted(Taken (ArmBridge::*taker)(const Message&, const ::ros::
   const auto taken = (this->*taker)(message, now);
   ++report_.taken;
   problem.clear();
-  report_.newest = message.header.stamp;
+  constexpr bool kJoints = std::is_same_v<Message, sensor_msgs::JointState>;
+  if (kJoints != options_.joints.empty()) report_.newest = message.header.stamp;
   return taken;
 } catch (const InputError& error) {
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -81,6 +83,7 @@ void ArmBridge::notice_time(const ::ros::Time& now) {
     modelled_.clear();
     agreed_ = ::ros::Time();
     contradiction_.clear();
+    report_.newest = ::ros::Time();
   }
   last_now_ = now;
 }
@@ -181,6 +184,7 @@ void ArmBridge::compare(const ::ros::Time& stamp, const Isometry3d& T, Track& ow
 ArmReport ArmBridge::report() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   ArmReport report = report_;
+  report.leading_topic = options_.joints.empty() ? pose_topic(options_) : joint_topic(options_);
   report.problem = joint_problem_.empty() ? pose_problem_ : joint_problem_;
   return report;
 }

@@ -47,6 +47,9 @@ struct ArmBridgeOptions {
 
 /// Counts of the messages of an arm, and the last comparison of its poses with its joints.
 struct ArmReport {
+  /// The topic from which tf has the arm's poses: its joints, if it has any.
+  std::string leading_topic;
+  /// Messages of both kinds.
   std::uint64_t taken = 0;
   std::uint64_t refused = 0;
   /// The reason why the last message of either kind was refused; empty if both were taken.
@@ -54,6 +57,7 @@ struct ArmReport {
   /// The last comparison of `measured_cp` with joints and model.
   std::optional<double> difference_mm;
   std::optional<double> difference_deg;
+  /// The stamp of the newest message of the leading topic that was taken; 0 if there was none.
   ::ros::Time newest;
 };
 

@@ -97,11 +97,11 @@ void CrtkBridge::diagnose_arm(const ArmBridge& arm,
   const double age_s = seconds_between(report.newest, ::ros::Time::now());
   if (!report.problem.empty())
     diagnosis.summary(DiagnosticStatus::ERROR, "refused: " + report.problem);
-  else if (report.taken == 0)
-    diagnosis.summary(DiagnosticStatus::WARN, "nothing has arrived");
+  else if (report.newest.isZero())
+    diagnosis.summary(DiagnosticStatus::WARN, "nothing has arrived on " + report.leading_topic);
   else if (age_s > arm.options().max_age_s)
-    diagnosis.summary(DiagnosticStatus::WARN,
-                      "nothing has arrived for " + seconds_text(age_s) + " s");
+    diagnosis.summary(DiagnosticStatus::WARN, "nothing has arrived on " + report.leading_topic +
+                                                  " for " + seconds_text(age_s) + " s");
   else
     diagnosis.summary(DiagnosticStatus::OK, "connected");
   diagnosis.add("messages taken", report.taken);

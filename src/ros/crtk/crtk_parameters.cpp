@@ -95,8 +95,7 @@ Target read_target(const std::string& name, const Members& members) {
   require(numbers.getType() == XmlRpcValue::TypeArray && numbers.size() == 3, path + "/point",
           constraint);
   for (int i = 0; i < 3; ++i) {
-    require(numbers[i].getType() == XmlRpcValue::TypeDouble, path + "/point", constraint);
-    target.point_mm[i] = kMmPerM * static_cast<double>(numbers[i]);
+    target.point_mm[i] = kMmPerM * as_number(numbers[i], path + "/point");
   }
   require(target.point_mm.allFinite(), path + "/point", constraint);
   return target;

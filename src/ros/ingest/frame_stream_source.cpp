@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "ros/conversions/times.h"
+#include "ros/tf_wait.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/image_lag.h"
 
@@ -29,9 +30,7 @@ geometry_msgs::Pose as_pose(const geometry_msgs::Transform& transform) {
 ArrayPoses::ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& options)
     : us_frame_(options.pose_frame),
       image_lag_(options.assembly.image_lag_s),
-      input_(buffer_, node) {
-  buffer_.setUsingDedicatedThread(true);
-}
+      input_(buffer_, node) {}
 
 void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const try {
   const ::ros::Time stamp = frame.message->header.stamp;
@@ -40,7 +39,8 @@ void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) cons
   if (stamp.isZero() || shown.isZero()) return;
   const ::ros::Duration left = std::max(deadline - ::ros::Time::now(), ::ros::Duration(0.0));
   frame.set_looked_up(
-      as_pose(buffer_.lookupTransform(us_frame_, frame.frame_id, shown, left).transform),
+      as_pose(
+          wait_for_transform(buffer_, us_frame_, frame.frame_id, shown, left.toSec()).transform),
       us_frame_);
 } catch (const std::exception& error) {  // from tf2, or for a time out of range
   frame.pose_problem = error.what();

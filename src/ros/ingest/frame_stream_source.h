@@ -1,7 +1,6 @@
 #pragma once
 
 #include <ros/node_handle.h>
-#include <tf2_ros/buffer.h>
 #include <us_ct_registration/PreScanFrame.h>
 
 #include <memory>
@@ -29,7 +28,7 @@ class ArrayPoses {
  private:
   const std::string us_frame_;
   const ::ros::Duration image_lag_;
-  tf2_ros::Buffer buffer_;
+  tf2::BufferCore buffer_;
   TfInput input_;
 };
 

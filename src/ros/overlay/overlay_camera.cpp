@@ -12,7 +12,7 @@ namespace usct::ros_interface {
 namespace {
 
 /// Images and camera_infos that wait for their partner of the same stamp.
-constexpr unsigned kPairs = 4;
+constexpr std::size_t kPairs = 4;
 
 }  // namespace
 
@@ -27,10 +27,9 @@ OverlayCamera::OverlayCamera(const ::ros::NodeHandle& node, OverlayCameraOptions
       complete_(std::move(complete)),
       publish_status_(std::move(publish_status)),
       painter_(std::move(painter)),
-      pairs_(images_, infos_, kPairs) {
+      pairs_(kPairs) {
   images_.registerCallback(&OverlayCamera::take_image, this);
   infos_.registerCallback(&OverlayCamera::take_info, this);
-  pairs_.registerCallback(&OverlayCamera::take_pair, this);
   const auto images_change = [this](const image_transport::SingleSubscriberPublisher&) {
     connect_or_disconnect();
   };
@@ -79,8 +78,14 @@ void OverlayCamera::connect_or_disconnect() {
 }
 
 void OverlayCamera::take_info(const sensor_msgs::CameraInfoConstPtr& info) {
-  const std::lock_guard lock(mutex_);
-  info_ = info;
+  std::optional<StampPairs::Pair> pair;
+  {
+    const std::lock_guard lock(mutex_);
+    info_ = info;
+    pair = pairs_.add(info);
+    if (pair) without_info_ = 0;
+  }
+  if (pair) draw(*pair);
 }
 
 std::string OverlayCamera::why_no_info() const {
@@ -94,28 +99,27 @@ void OverlayCamera::take_image(const sensor_msgs::ImageConstPtr& image) {
   constexpr int kMostWithoutInfo = static_cast<int>(kPairs);
   constexpr std::size_t kStamps = 8;
   OverlayJob job;
+  std::optional<StampPairs::Pair> pair;
   {
     const std::lock_guard lock(mutex_);
     ++report_.received;
     stamps_.push_back(image->header.stamp);
     if (stamps_.size() > kStamps) stamps_.pop_front();
-    if (++without_info_ <= kMostWithoutInfo) return;
+    pair = pairs_.add(image);
+    without_info_ = pair ? 0 : without_info_ + 1;
+    if (!pair && without_info_ <= kMostWithoutInfo) return;
     job.problem = why_no_info();
   }
+  if (pair) return draw(*pair);
   job.image = image;
   job.received = ::ros::WallTime::now();
   newest_.put(std::move(job));
 }
 
-void OverlayCamera::take_pair(const sensor_msgs::ImageConstPtr& image,
-                              const sensor_msgs::CameraInfoConstPtr& info) {
-  {
-    const std::lock_guard lock(mutex_);
-    without_info_ = 0;
-  }
+void OverlayCamera::draw(const StampPairs::Pair& pair) {
   OverlayJob job;
-  job.image = image;
-  job.info = info;
+  job.image = pair.image;
+  job.info = pair.info;
   job.received = ::ros::WallTime::now();
   newest_.put(std::move(job));
 }

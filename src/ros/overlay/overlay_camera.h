@@ -3,7 +3,6 @@
 #include <image_transport/image_transport.h>
 #include <image_transport/subscriber_filter.h>
 #include <message_filters/subscriber.h>
-#include <message_filters/time_synchronizer.h>
 #include <ros/ros.h>
 
 #include <deque>
@@ -16,6 +15,7 @@
 
 #include "ros/overlay/newest_slot.h"
 #include "ros/overlay/overlay_painter.h"
+#include "ros/overlay/stamp_pairs.h"
 
 namespace usct::ros_interface {
 
@@ -67,8 +67,7 @@ class OverlayCamera {
   void connect_or_disconnect();
   void take_image(const sensor_msgs::ImageConstPtr& image);
   void take_info(const sensor_msgs::CameraInfoConstPtr& info);
-  void take_pair(const sensor_msgs::ImageConstPtr& image,
-                 const sensor_msgs::CameraInfoConstPtr& info);
+  void draw(const StampPairs::Pair& pair);
   std::string why_no_info() const;
   void work();
   void publish(const OverlayJob& job, const Overlay& overlay);
@@ -86,6 +85,7 @@ class OverlayCamera {
   mutable std::mutex mutex_;  // guards the members below, up to report_
   sensor_msgs::CameraInfoConstPtr info_;
   std::deque<::ros::Time> stamps_;
+  StampPairs pairs_;
   int without_info_ = 0;  // images since the last one that had a camera_info with its stamp
   OverlayCameraReport report_;
 
@@ -93,7 +93,6 @@ class OverlayCamera {
   image_transport::CameraPublisher publisher_;
   image_transport::SubscriberFilter images_;
   message_filters::Subscriber<sensor_msgs::CameraInfo> infos_;
-  message_filters::TimeSynchronizer<sensor_msgs::Image, sensor_msgs::CameraInfo> pairs_;
   std::thread thread_;  // last: it uses the members above
 };
 

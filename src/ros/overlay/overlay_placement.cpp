@@ -2,33 +2,16 @@
 
 #include <us_ct_registration/StatusCode.h>
 
-#include <chrono>
-#include <thread>
-
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "ros/tf_wait.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
 namespace {
 
 using Code = us_ct_registration::StatusCode;
-
-void wait_for_transform(const tf2::BufferCore& tf, const std::string& target,
-                        const std::string& source, const ::ros::Time& stamp, double timeout_s) {
-  using Clock = std::chrono::steady_clock;
-  constexpr std::chrono::milliseconds kPause(1);
-  const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
-  while (true) {
-    std::string why;  // tf2 appends to it
-    if (tf.canTransform(target, source, stamp, &why)) return;
-    if (Clock::now() >= end)
-      throw Refusal(Code::TF_UNAVAILABLE, "tf does not connect '" + source + "' to '" + target +
-                                              "' at the stamp " + seconds_text(stamp) + ": " + why);
-    std::this_thread::sleep_for(kPause);
-  }
-}
 
 Eigen::Isometry3d look_up(const tf2::BufferCore& tf, const std::string& target,
                           const std::string& source, const ::ros::Time& stamp) {

@@ -265,11 +265,15 @@ TEST(Registration, GoalRegistersWithProgress) {
     EXPECT_GE(feedback[i].progress, feedback[i - 1].progress);
 }
 
+/// With these a registration takes minutes.
+constexpr const char* kLongOptions =
+    "search: {starts: {count: 65536}, levels: {0: {screened: 8192, optimised: 8192}}}";
+
 /// A goal that takes minutes; it is registering when this returns.
 void start_long_goal(RegistrationClient& client) {
   msg::RegisterGoal goal;
   goal.preset = "phantom";
-  goal.options = "search: {starts: {count: 65536}, levels: {0: {screened: 8192, optimised: 8192}}}";
+  goal.options = kLongOptions;
   // Feedback goes on after this function has returned, and the callback owns what it writes to.
   const auto registering = std::make_shared<std::atomic<bool>>(false);
   ASSERT_TRUE(client.action.waitForServer(kLimit));
@@ -309,6 +313,25 @@ TEST(Registration, OneAtATimeAndCancelled) {
   EXPECT_EQ(result_of(client.action).status.code, Status::CANCELLED);
   EXPECT_TRUE(is_zero(result_of(client.action).transform));
   EXPECT_EQ(client.call().status.code, Status::REGISTERED);
+}
+
+/// The cancel may arrive before the registration can be found.
+TEST(Registration, CancelledAsSoonAsItIsAskedForItEnds) {
+  RegistrationClient client("plain");
+  provide_agar(client, 1);
+  ASSERT_TRUE(client.action.waitForServer(kLimit));
+  msg::RegisterGoal goal;
+  goal.preset = "phantom";
+  goal.options = kLongOptions;
+  constexpr int kGoals = 100;
+  for (int i = 0; i < kGoals; ++i) {
+    client.action.sendGoal(goal);
+    ::ros::WallDuration(1e-5 * (i % 40)).sleep();
+    client.action.cancelGoal();
+    ASSERT_TRUE(client.action.waitForResult(kLimit)) << i;
+    // The answer of the registration that was cancelled may still be on its way.
+    ASSERT_NE(client.action.getState(), actionlib::SimpleClientGoalState::SUCCEEDED) << i;
+  }
 }
 
 TEST(Registration, NewCtWhileRunningEndsItWithoutTransform) {

@@ -209,6 +209,23 @@ TEST_F(ArmBridgeTest, AClockThatRunsBackBeginsAnew) {
   EXPECT_TRUE(arm.take(pose(50.0, T_), ::ros::Time(50.1)));
 }
 
+/// The report tells of the topic that tf depends on: while its joints are silent, an arm whose
+/// poses arrive is not connected.
+TEST_F(ArmBridgeTest, TheReportIsThatOfTheTopicThatLeads) {
+  ArmBridge by_joints = of_joints();
+  by_joints.take(pose(99.9, T_base_tip(q_, 10.2)), now_);
+  EXPECT_EQ(by_joints.report().leading_topic, "PSM1/measured_js");
+  EXPECT_TRUE(by_joints.report().newest.isZero());
+  by_joints.take(joints(99.91, q_), now_);
+  by_joints.take(pose(99.95, T_base_tip(q_, 10.2)), now_);
+  EXPECT_EQ(by_joints.report().newest, ::ros::Time(99.91));
+  options_.joints.clear();
+  ArmBridge by_poses = of_poses();
+  by_poses.take(pose(99.9, T_), now_);
+  EXPECT_EQ(by_poses.report().leading_topic, "PSM1/measured_cp");
+  EXPECT_EQ(by_poses.report().newest, ::ros::Time(99.9));
+}
+
 TEST(ArmModel, RefusesWhatIsNoModelOrHasNoChain) {
   EXPECT_THAT(refusal([] { ArmModel("<robot", "a", "b"); }), HasSubstr("is not a URDF model"));
   EXPECT_THAT(refusal([] { ArmModel(robot_description(), "PSM1_base", "PSM2_tool_tip"); }),
