@@ -208,11 +208,14 @@ void write_meta(const Volume<T>& volume, const fs::path& path) {
                                  two_files ? data_file.filename().string() : "LOCAL");
   if (!two_files) return io::write_bytes(path, joined(std::move(header), volume.voxels));
   check_is_own(data_file, path);
-  // The header appears last, so that it never stands beside voxels that are not its own.
-  write_atomically(path, [&](const fs::path& temporary) {
-    io::write_bytes(temporary, header);
-    fs::remove(path);
-    io::write_bytes(data_file, joined({}, volume.voxels));
+  // A header never stands beside voxels that are not its own: the old one goes when the new voxels
+  // are about to take their place, and the new one comes last.
+  write_atomically(path, [&](const fs::path& new_header) {
+    io::write_bytes(new_header, header);
+    write_atomically(data_file, [&](const fs::path& new_data) {
+      io::write_bytes(new_data, joined({}, volume.voxels));
+      fs::remove(path);
+    });
   });
 }
 
