@@ -172,8 +172,8 @@ Form read_qform(const NiftiBytes& file) {
                      "'quatern_b/c/d' are " + format(bcd) + ", must have a length <= 1");
   if ((spacing.array() <= 0.0).any())
     throw InputError(file.source(), "'pixdim' is " + format(spacing) + ", must be > 0");
-  // Where the real part is small, rounding of the others leaves little of it: nifti1.h takes it as
-  // 0 below this square.
+  // Rounding of the other parts leaves little of a small real part, which nifti1.h takes as 0 below
+  // this square.
   constexpr double kLeastSquare = 1e-7;
   const double square = 1.0 - bcd.squaredNorm();
   const double a = square < kLeastSquare ? 0.0 : std::sqrt(square);
