@@ -67,8 +67,8 @@ struct Measures {
   /// The same between these translations, without what a wrong step of the motor or a wrong path of
   /// the tracker explains, mm: a part of the expected error.
   std::optional<double> deformation_mm;
-  /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see
-  /// right_probability.
+  /// Probability that the pose is more than 5 mm off, for inputs of which half are right: see the
+  /// function of this name.
   std::optional<double> wrong_probability;
   /// Root mean square error that the covariance predicts in the middle of the field of view, mm,
   /// and the bound below which the error lies in 90 of 100 registrations that are right.
@@ -121,6 +121,9 @@ struct RightProbability {
 /// (docs/confidence.md). Unset if a measure is absent or not a number, but for the expected error:
 /// without one, no error is expected.
 std::optional<RightProbability> right_probability(const Measures& measures);
+
+/// What all evidence leaves for the pose to be wrong, Measures::wrong_probability; unset as above.
+std::optional<double> wrong_probability(const Measures& measures);
 
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails
 /// its gate.

@@ -1,8 +1,6 @@
 #include "registration/assessment.h"
 
-#include <limits>
-
-#include "registration/as_patient.h"
+#include "registration/evidence/doubts.h"
 
 namespace usct::registration {
 
@@ -10,9 +8,9 @@ struct Assessor::AsPatient {
   AsPatient(const Assessor& of, RegistrationOptions patient, ImagePyramid prepared)
       : options(std::move(patient)),
         images(std::move(prepared)),
-        problem{images.similarities(), options.search, of.problem_.T_us_ct_initial,
-                images.prepared.field, of.options_.seed},
-        evidence({of.ultrasound_, of.ct_.ct(), images, problem, options.confidence}) {}
+        problem{images.similarities(), options.search, of.in_.T_us_ct_initial,
+                images.prepared.field, options.seed},
+        evidence({of.in_.ultrasound, of.in_.ct.ct(), images, problem, options.confidence}) {}
 
   const RegistrationOptions options;
   const ImagePyramid images;
@@ -23,16 +21,6 @@ struct Assessor::AsPatient {
 };
 
 namespace {
-
-/// The comparison of a pose, as if all parts of the field agreed about it.
-Assessment with_best_parts(Assessment compared) {
-  Measures& measures = compared.measures;
-  measures.parts_mm = measures.tissue_motion_mm = 0.0;
-  measures.local_agreement = 1.0;
-  if (const std::optional<RightProbability> right = right_probability(measures))
-    measures.wrong_probability = 1.0 - right->all();
-  return compared;
-}
 
 /// Optima of the search of the evidence, where that differs from the search that found `refined`.
 /// The optimum that `refined` leads to comes first.
@@ -53,31 +41,13 @@ std::vector<Candidate> optima_around(const SearchProblem& problem, const Candida
 
 }  // namespace
 
-bool may_be_missed(const Assessment& assessment) {
-  const Measures& measures = assessment.measures;
-  if (!right_probability(measures)) return true;
-  constexpr double kMirrorFound = 0.6;
-  constexpr double kMirrorSure = -4.0;
-  if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
-    return false;
-  // Mirror images say whether a pose should be believed. They do not say whether a better pose
-  // exists, so they do not count here.
-  Measures firm = measures;
-  firm.mirror_ratio = firm.mirror_advantage = std::numeric_limits<double>::infinity();
-  firm.mirror_agreement.reset();
-  const std::optional<RightProbability> right = right_probability(firm);
-  return right->chance < 0.5 || right->anatomy < 0.5;
-}
-
-Assessor::Assessor(const BeamUltrasound& ultrasound, const PreparedCt& ct,
-                   const ImagePyramid& images, const SearchProblem& problem,
-                   const RegistrationOptions& options)
-    : ultrasound_(ultrasound),
-      ct_(ct),
+Assessor::Assessor(const RegistrationInput& input, const ImagePyramid& images,
+                   const SearchProblem& problem)
+    : in_(input),
       images_(images),
       problem_(problem),
-      options_(options),
-      own_({ultrasound, ct.ct(), images, problem, options.confidence}) {}
+      plan_(input.options.confidence),
+      own_({input.ultrasound, input.ct.ct(), images, problem, input.options.confidence}) {}
 
 Assessor::~Assessor() = default;
 
@@ -88,22 +58,16 @@ void Assessor::search_decoys_further(int rounds) {
 }
 
 bool Assessor::parts_could_save(const Assessment& compared) const {
-  const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
-  const Assessment best = with_best_parts(compared);
-  if (!limit || !best.measures.wrong_probability) return true;
-  if (may_go_on_as_patient(options_)) return is_beyond_doubt(best.measures, *limit);
-  return *best.measures.wrong_probability <= *limit || !may_be_missed(best);
-}
-
-bool Assessor::gathers_own() const {
-  return gathers() && options_.confidence.evidence != EvidenceSource::kPatient;
+  const Measures best = if_parts_agree(compared.measures);
+  if (!best.wrong_probability) return true;
+  return !plan_.goes_on_as_patient(best) && (plan_.accepts(best) || !may_be_missed(best));
 }
 
 Assessment Assessor::compare(const std::vector<Candidate>& optima, Run& run) {
   Assessment assessment;
   assessment.measures.displacement_mm =
-      images_.prepared.field.distance_mm(optima.front().T_us_ct, problem_.T_us_ct_initial);
-  if (gathers_own()) own_.compare(optima, assessment, run);
+      images_.prepared.field.distance_mm(optima.front().T_us_ct, in_.T_us_ct_initial);
+  if (plan_.gathers_own()) own_.compare(optima, assessment, run);
   return assessment;
 }
 
@@ -111,9 +75,9 @@ void Assessor::measure_pose(const Candidate& optimum, const Candidate& refined,
                             Measures& measures) const {
   const FieldPoints& field = images_.prepared.field;
   measures.overlap = refined.overlap;
-  measures.displacement_mm = field.distance_mm(refined.T_us_ct, problem_.T_us_ct_initial);
+  measures.displacement_mm = field.distance_mm(refined.T_us_ct, in_.T_us_ct_initial);
   measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optimum.T_us_ct);
-  if (const std::optional<RefinementOptions>& refinement = options_.refinement) {
+  if (const std::optional<RefinementOptions>& refinement = in_.options.refinement) {
     if (refinement->depth_error > 0.0) measures.depth_error = refined.errors.depth;
     if (refinement->sweep_error > 0.0) measures.sweep_error = refined.errors.sweep;
   }
@@ -122,13 +86,11 @@ void Assessor::measure_pose(const Candidate& optimum, const Candidate& refined,
 Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Candidate>& optima,
                                      const Candidate& refined, Run& run) {
   measure_pose(optima.front(), refined, compared.measures);
-  if (!gathers()) return compared;
-  if (gathers_own()) {
-    const std::optional<double>& limit = options_.confidence.gates.max_wrong_probability;
+  if (!plan_.gathers()) return compared;
+  if (plan_.gathers_own()) {
     own_.check(refined, compared, run);
     // Evidence that takes long is not worth it for a pose in doubt if the registration goes on.
-    if (!may_go_on_as_patient(options_) || is_beyond_doubt(compared.measures, *limit))
-      own_.settle(optima.front(), compared, run);
+    if (!plan_.goes_on_as_patient(compared.measures)) own_.settle(optima.front(), compared, run);
     return compared;
   }
   const std::optional<Refusal> refusal = assess_as_patient(refined, compared, run);
@@ -139,9 +101,9 @@ Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Cand
 std::optional<Refusal> Assessor::assess_as_patient(const Candidate& refined, Assessment& assessment,
                                                    Run& run) {
   if (!as_patient_) {
-    RegistrationOptions options = as_patient(options_);
+    RegistrationOptions options = as_patient(in_.options);
     Outcome<ImagePyramid> images =
-        prepare(ultrasound_, ct_, problem_.T_us_ct_initial, options, run);
+        prepare({in_.ultrasound, in_.ct, in_.T_us_ct_initial, options}, run);
     if (!images) return images.refusal();
     as_patient_ = std::make_unique<AsPatient>(*this, std::move(options), std::move(*images));
     as_patient_->evidence.search_decoys_further(decoy_rounds_);

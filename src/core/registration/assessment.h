@@ -4,35 +4,28 @@
 #include <optional>
 #include <vector>
 
-#include "registration/evidence.h"
+#include "registration/evidence/evidence.h"
+#include "registration/evidence_plan.h"
 #include "registration/outcome.h"
 
 /// The step assess: which evidence is gathered for a pose, and what it says about the search.
 namespace usct::registration {
 
-/// Whether another round could find the right pose: the one that was found is no better than
-/// chance, or no firmer than a wrong one. Not if mirrored ultrasound fits so much better that it is
-/// the right one.
-bool may_be_missed(const Assessment& assessment);
-
 class Assessor {
  public:
-  /// `problem` is the search on `images`. The objects that the arguments refer to must outlive the
-  /// assessor.
-  Assessor(const BeamUltrasound& ultrasound, const PreparedCt& ct, const ImagePyramid& images,
-           const SearchProblem& problem, const RegistrationOptions& options);
+  /// `problem` is the search on `images`, which `prepare` has made of the input. The objects that
+  /// the arguments refer to must outlive the assessor.
+  Assessor(const RegistrationInput& input, const ImagePyramid& images,
+           const SearchProblem& problem);
   ~Assessor();
 
-  /// Whether a gate asks for evidence, and it comes from these images.
-  bool gathers_own() const;
   /// As Evidence.
   const std::optional<std::vector<Decoy>>& decoys() const { return own_.decoys(); }
   void take_over(std::vector<Decoy> decoys) { own_.take_over(std::move(decoys)); }
   void search_decoys_further(int rounds);
 
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
-  /// its rivals. Evidence is gathered only if a gate asks for it; that of other images is left to
-  /// `assess`.
+  /// its rivals, if the evidence comes from these images; that of others is left to `assess`.
   Assessment compare(const std::vector<Candidate>& optima, Run& run);
   /// Whether a pose that was compared is worth its refinement. It is not if it would be refused
   /// even if all parts of the field agreed about it, and another round could find a better one; or
@@ -47,18 +40,16 @@ class Assessor {
   /// The images, the search and the evidence of the preset `patient`.
   struct AsPatient;
 
-  bool gathers() const { return options_.confidence.gates.max_wrong_probability.has_value(); }
   /// The measures that need no evidence.
   void measure_pose(const Candidate& optimum, const Candidate& refined, Measures& measures) const;
   /// Gathers the evidence for a pose anew, as the preset `patient` does.
   std::optional<Refusal> assess_as_patient(const Candidate& refined, Assessment& assessment,
                                            Run& run);
 
-  const BeamUltrasound& ultrasound_;
-  const PreparedCt& ct_;
+  const RegistrationInput in_;
   const ImagePyramid& images_;
   const SearchProblem& problem_;
-  const RegistrationOptions& options_;
+  const EvidencePlan plan_;
   Evidence own_;
   /// Made when it is needed, and kept from round to round.
   std::unique_ptr<AsPatient> as_patient_;

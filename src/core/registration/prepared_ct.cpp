@@ -4,9 +4,9 @@
 #include <atomic>
 #include <numeric>
 
-#include "registration/as_patient.h"
-#include "registration/ct_averages.h"
-#include "registration/reached_average.h"
+#include "registration/evidence_plan.h"
+#include "registration/images/ct_averages.h"
+#include "registration/images/reached_average.h"
 
 namespace usct {
 namespace {
@@ -104,7 +104,7 @@ PreparedCt::PreparedCt(const CtVolume& ct, const RegistrationOptions& options, c
   ct.validate("CT");
   options.validate();
   prepare(ct, options, check, averages_);
-  if (options.confidence.evidence != EvidenceSource::kOwn)
+  if (EvidencePlan(options.confidence).may_need_patient())
     prepare(ct, as_patient(options), check, averages_);
 }
 

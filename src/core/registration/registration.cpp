@@ -8,7 +8,7 @@ RegistrationResult register_ultrasound(const BeamUltrasound& ultrasound, const P
                                        const Eigen::Isometry3d& T_us_ct_initial,
                                        const RegistrationOptions& options,
                                        const RegistrationHooks& hooks) {
-  return registration::run_pipeline(ultrasound, ct, T_us_ct_initial, options, hooks).result;
+  return registration::run_pipeline({ultrasound, ct, T_us_ct_initial, options}, hooks).result;
 }
 
 }  // namespace usct

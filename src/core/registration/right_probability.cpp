@@ -112,4 +112,10 @@ std::optional<RightProbability> right_probability(const Measures& m) {
   return right;
 }
 
+std::optional<double> wrong_probability(const Measures& measures) {
+  const std::optional<RightProbability> right = right_probability(measures);
+  if (!right) return std::nullopt;
+  return 1.0 - right->all();
+}
+
 }  // namespace usct

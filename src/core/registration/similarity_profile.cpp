@@ -1,6 +1,6 @@
 #include "us_ct_registration/registration/similarity_profile.h"
 
-#include "registration/image_pyramid.h"
+#include "registration/images/image_pyramid.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
 
@@ -41,7 +41,7 @@ std::array<SimilarityProfile, 6> similarity_profiles(const BeamUltrasound& ultra
   profile.validate();
   const RegistrationHooks hooks;
   Run run(hooks);
-  const Outcome<ImagePyramid> images = prepare(ultrasound, ct, T_us_ct, options, run);
+  const Outcome<ImagePyramid> images = prepare({ultrasound, ct, T_us_ct, options}, run);
   const Level level = options.refinement
                           ? or_error(refinement_level(or_error(images), ct, T_us_ct, options))
                           : or_error(images).levels.back();

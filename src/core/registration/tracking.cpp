@@ -1,6 +1,6 @@
 #include "us_ct_registration/registration/tracking.h"
 
-#include "registration/as_patient.h"
+#include "registration/evidence_plan.h"
 #include "registration/pipeline.h"
 #include "require.h"
 
@@ -48,9 +48,11 @@ RegistrationResult RegistrationTracker::next(const BeamUltrasound& ultrasound, c
                                              const RegistrationHooks& hooks) {
   if (!is_known(ultrasound, ct) || ++known_->followed >= tracking_.full_every) known_.reset();
   const bool by_patient = known_ && known_->by_patient;
-  const registration::PipelineResult ended = registration::run_pipeline(
-      ultrasound, ct, T_us_ct_initial, by_patient ? registration::as_patient(options_) : options_,
-      hooks, known_ ? &known_->trail : nullptr, tracking_.reach_mm);
+  const RegistrationOptions options = by_patient ? registration::as_patient(options_) : options_;
+  std::optional<registration::Lead> lead;
+  if (known_) lead.emplace(registration::Lead{known_->trail, tracking_.reach_mm});
+  const registration::Registration ended = registration::run_pipeline(
+      {ultrasound, ct, T_us_ct_initial, options}, hooks, lead ? &*lead : nullptr);
   const bool was_full = ended.result.seconds.count("search") != 0;
   if (was_full) known_.reset();
   if (ended.trail)

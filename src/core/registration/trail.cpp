@@ -7,9 +7,6 @@ namespace {
 
 using Eigen::Isometry3d;
 
-/// As many as the evidence compares a pose with.
-constexpr std::size_t kRivals = 3;
-
 /// Climbs from poses that are closer than this end alike: it is half a voxel of the deciding level.
 constexpr double kSameStartMm = 1.0;
 
@@ -46,16 +43,6 @@ std::vector<Decoy> follow_decoys(const std::vector<Decoy>& before, const Isometr
 }
 
 }  // namespace
-
-Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
-               const std::vector<Candidate>& optima, double rival_mm, const FieldPoints& field) {
-  Trail trail{refined.T_us_ct, decoys, {}, {}};
-  for (const Candidate& other : optima)
-    if (trail.rivals.size() < kRivals &&
-        field.are_apart(other.T_us_ct, optima.front().T_us_ct, rival_mm))
-      trail.rivals.push_back(other);
-  return trail;
-}
 
 std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
                                const BeamGrid& beams, const ConfidenceOptions& confidence,

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "registration/decoys.h"
+#include "registration/evidence/decoys.h"
 
 /// A trail is what an accepted registration hands on to the next one of the same CT and probe: its
 /// pose, and the poses that it was compared with.
@@ -12,15 +12,18 @@ namespace usct::registration {
 struct Trail {
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   std::vector<Decoy> decoys;
-  /// Rivals of the pose, best first.
+  /// As `rivals_of` finds them, best first.
   std::vector<Candidate> rivals;
   /// The errors of the sweep that were taken out of the ultrasound, and are out of the next one.
   AcquisitionErrors corrected;
 };
 
-/// The rivals are the first of `optima`, best first, that are over `rival_mm` from the best one.
-Trail trail_of(const Candidate& refined, const std::vector<Decoy>& decoys,
-               const std::vector<Candidate>& optima, double rival_mm, const FieldPoints& field);
+/// A trail that a registration follows first, unless its initial pose is over `reach_mm` from the
+/// trail's.
+struct Lead {
+  const Trail& trail;
+  double reach_mm;
+};
 
 /// Optima and decoys of new ultrasound at the deciding level.
 struct Followed {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "registration/acquisition_check.h"
-#include "registration/decoys.h"
+#include "registration/evidence/acquisition_check.h"
+#include "registration/evidence/decoys.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct::registration {
@@ -88,7 +88,7 @@ std::string anatomy_words(const Measures& m) {
 std::string near_words(const Measures& m) {
   std::string words = "an error of more than 5 mm is not improbable (expected are " +
                       number(*m.expected_error_mm) + " mm";
-  if (shows_wrong_depths(m)) return words + "), since the recorded depths are wrong";
+  if (shown_errors(m).has_wrong_depths()) return words + "), since the recorded depths are wrong";
   if (m.tissue_motion_mm)
     words += "; tissue in the middle of the field would rather lie " + number(*m.tissue_motion_mm) +
              " mm elsewhere";
@@ -115,14 +115,13 @@ std::string sweep_words(const AcquisitionErrors& errors) {
 /// A fault of the recorded geometry that the images show, as a sentence to append; empty if none.
 std::string acquisition_words(const Measures& m) {
   std::string words;
-  if (!shows_errors(m)) return words;
-  if (shows_wrong_depths(m))
-    words += "; the ultrasound fits better if its depths are " + percent(*m.depth_error) +
-             (*m.depth_error > 0.0 ? " larger" : " smaller") +
+  const ShownErrors shown = shown_errors(m);
+  if (shown.has_wrong_depths())
+    words += "; the ultrasound fits better if its depths are " + percent(shown.errors.depth) +
+             (shown.errors.depth > 0.0 ? " larger" : " smaller") +
              ": check depth and sample spacing in the probe file, and the speed of sound";
-  const AcquisitionErrors sweep{0.0, m.sweep_error.value_or(0.0), m.sweep_unevenness.value_or(0.0)};
-  if (is_beyond_bias(sweep))
-    words += "; the ultrasound fits better if its frames lie " + sweep_words(sweep);
+  if (shown.has_wrong_sweep())
+    words += "; the ultrasound fits better if its frames lie " + sweep_words(shown.errors);
   return words;
 }
 

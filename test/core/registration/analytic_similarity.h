@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "registration/candidates.h"
+#include "registration/search/candidates.h"
 #include "similarity/pose_by_pose.h"
 
 /// A similarity without images: a sum of peaks at known poses.

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/similarity/patch_scenes.h"
-#include "registration/acquisition_check.h"
+#include "registration/evidence/acquisition_check.h"
 #include "us_ct_registration/evaluation/perturbation.h"
 #include "us_ct_registration/registration/registration.h"
 #include "us_ct_registration/similarity/catalogue.h"

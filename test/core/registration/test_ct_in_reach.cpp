@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/registration/registration_cases.h"
-#include "registration/image_pyramid.h"
+#include "registration/images/image_pyramid.h"
 
 namespace usct::test {
 namespace {

@@ -4,7 +4,7 @@
 #include "core/registration/analytic_similarity.h"
 #include "core/registration/symmetric_sweeps.h"
 #include "core/similarity/patch_scenes.h"
-#include "registration/decoys.h"
+#include "registration/evidence/decoys.h"
 
 namespace usct::test {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/geometry/random_geometry.h"
-#include "registration/deformation.h"
+#include "registration/evidence/deformation.h"
 
 namespace usct::test {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "core/registration/random_points.h"
 #include "core/registration/symmetric_sweeps.h"
-#include "registration/expected_error.h"
+#include "registration/evidence/expected_error.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/registration/registration_options.h"
 

@@ -2,8 +2,8 @@
 
 #include "core/registration/registration_cases.h"
 #include "core/similarity/patch_scenes.h"
-#include "registration/ct_averages.h"
-#include "registration/image_pyramid.h"
+#include "registration/images/ct_averages.h"
+#include "registration/images/image_pyramid.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::test {
@@ -79,8 +79,9 @@ TEST(ImagePyramid, ALargeFieldOfViewTakesFewerSamples) {
   const auto subsets_of = [&](int edge) {
     const RegistrationCase images = cube_of(edge);
     registration::Run run(hooks);
-    const auto pyramid = registration::prepare(images.us, PreparedCt(images.ct),
-                                               Eigen::Isometry3d::Identity(), options, run);
+    const PreparedCt ct(images.ct);
+    const Eigen::Isometry3d T_initial = Eigen::Isometry3d::Identity();
+    const auto pyramid = registration::prepare({images.us, ct, T_initial, options}, run);
     EXPECT_TRUE(pyramid);
     std::vector<SampleSubset> subsets;
     const SimilarityPose pose{Eigen::Isometry3d(Eigen::Translation3d(1.0, 2.0, 3.0)), {}};

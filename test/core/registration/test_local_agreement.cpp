@@ -6,8 +6,8 @@
 
 #include "core/geometry/random_geometry.h"
 #include "core/registration/wishes.h"
-#include "registration/clusters.h"
-#include "registration/local_agreement.h"
+#include "registration/evidence/clusters.h"
+#include "registration/evidence/local_agreement.h"
 
 namespace usct::test {
 namespace {

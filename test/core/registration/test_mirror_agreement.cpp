@@ -3,7 +3,7 @@
 #include "core/registration/analytic_similarity.h"
 #include "core/registration/symmetric_sweeps.h"
 #include "core/registration/wishes.h"
-#include "registration/mirror_agreement.h"
+#include "registration/evidence/mirror_agreement.h"
 
 namespace usct::test {
 namespace {

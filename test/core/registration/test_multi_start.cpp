@@ -5,7 +5,7 @@
 #include <set>
 
 #include "core/registration/analytic_similarity.h"
-#include "registration/multi_start.h"
+#include "registration/search/multi_start.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 #include "us_ct_registration/registration/starts.h"

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/registration/random_points.h"
-#include "registration/paired_advantage.h"
+#include "registration/evidence/paired_advantage.h"
 
 namespace usct::test {
 namespace {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/similarity/patch_scenes.h"
-#include "registration/parts.h"
+#include "registration/evidence/parts.h"
 #include "us_ct_registration/registration/registration.h"
 
 namespace usct::test {

@@ -2,8 +2,8 @@
 #include <rapidcheck/gtest.h>
 
 #include "core/registration/registration_cases.h"
-#include "registration/ct_averages.h"
-#include "registration/reached_average.h"
+#include "registration/images/ct_averages.h"
+#include "registration/images/reached_average.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/threads.h"
 

@@ -4,7 +4,7 @@
 #include <future>
 
 #include "core/registration/registration_cases.h"
-#include "registration/reached_average.h"
+#include "registration/images/reached_average.h"
 #include "similarity/packed_ct.h"
 
 namespace usct::test {

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
 #include "core/registration/registration_cases.h"
-#include "registration/pipeline.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/tracking.h"
 

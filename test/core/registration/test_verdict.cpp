@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "registration/evidence/doubts.h"
 #include "registration/verdict.h"
 
 namespace usct::test {
@@ -211,16 +212,16 @@ TEST(Verdict, AStepThatCannotGoOnGivesItsStatusAndMessage) {
 /// Another round is of use only where the pose is no better than chance, or no firmer than a wrong
 /// one.
 TEST(MayBeMissed, WhereThePoseDoesNotStandOut) {
-  EXPECT_FALSE(may_be_missed(strong()));
-  EXPECT_FALSE(may_be_missed(mirrored(Mirror::kLines, 0.7, -5.0)));
-  EXPECT_TRUE(may_be_missed(torn()));
-  EXPECT_TRUE(may_be_missed(by_chance(1.0, 1.0)));
-  EXPECT_TRUE(may_be_missed(by_chance(1.3, 1.0)));
+  EXPECT_FALSE(may_be_missed(strong().measures));
+  EXPECT_FALSE(may_be_missed(mirrored(Mirror::kLines, 0.7, -5.0).measures));
+  EXPECT_TRUE(may_be_missed(torn().measures));
+  EXPECT_TRUE(may_be_missed(by_chance(1.0, 1.0).measures));
+  EXPECT_TRUE(may_be_missed(by_chance(1.3, 1.0).measures));
   EXPECT_TRUE(may_be_missed({}));
   // Mirrored ultrasound is the right one: no more starts are needed to know.
   Assessment wrong_way_round = mirrored(Mirror::kLines, 0.2, -12.0);
   wrong_way_round.measures.chance_ratio = 0.4;
-  EXPECT_FALSE(may_be_missed(wrong_way_round));
+  EXPECT_FALSE(may_be_missed(wrong_way_round.measures));
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/similarity/patch_scenes.h"
-#include "registration/decoys.h"
+#include "registration/evidence/decoys.h"
 #include "us_ct_registration/similarity/similarity.h"
 
 /// Scenes for the derivatives of similarities, and their comparison with slopes of the value.

@@ -1,0 +1,143 @@
+#include "registration/attempt.h"
+
+#include "registration/evidence/doubts.h"
+#include "registration/search/refinement.h"
+#include "registration/verdict.h"
+
+namespace usct::registration {
+
+Attempt::Attempt(const RegistrationInput& input, const ImagePyramid& images, Run& run)
+    : in_(input),
+      images_(images),
+      run_(run),
+      plan_(input.options.confidence),
+      problem_{images.similarities(), input.options.search, input.T_us_ct_initial,
+               images.prepared.field, input.options.seed} {}
+
+std::vector<Candidate> Attempt::searched(int round, std::vector<Candidate> found) {
+  return run_.timed("search", [&] { return multi_start(problem_, round, std::move(found), run_); });
+}
+
+Assessment Attempt::compared(Assessor& assessor, const std::vector<Candidate>& optima) {
+  return run_.timed("confidence", [&] { return assessor.compare(optima, run_); });
+}
+
+bool Attempt::has_left(const Candidate& optimum, const Candidate& refined) const {
+  return problem_.field.are_apart(optimum.T_us_ct, refined.T_us_ct, in_.options.search.distinct_mm);
+}
+
+std::optional<Candidate> Attempt::other_optimum(const Candidate& optimum,
+                                                const Candidate& refined) {
+  if (!plan_.gathers_own() || !has_left(optimum, refined)) return std::nullopt;
+  const Candidate reached = run_.timed("search", [&] {
+    return optimum_near(problem_, refined.T_us_ct, in_.options.confidence.rival_mm, run_);
+  });
+  if (!reached.has_value() || !has_left(optimum, reached)) return std::nullopt;
+  return reached;
+}
+
+Outcome<Attempt::Judged> Attempt::refine_and_judge(Assessor& assessor,
+                                                   std::vector<Candidate>& optima,
+                                                   const Assessment& compared, int rounds) {
+  const Outcome<Candidate> refined = refine(images_, in_.ct, optima.front(), in_.options, run_);
+  if (!refined) return refined.refusal();
+  const std::optional<Candidate> other = other_optimum(optima.front(), *refined);
+  if (other) optima = headed_by(*other, optima, problem_);
+  const Outcome<Judged> best = other ? judge_beside_more(assessor, optima, *refined, 1)
+                                     : judge_refined(assessor, optima, compared, *refined);
+  // More starts than the decoys had may have found a wrong pose that is better than they are.
+  if (best && !best->failure && rounds > 1)
+    return judge_beside_more(assessor, optima, *refined, rounds);
+  return best;
+}
+
+Outcome<Attempt::Judged> Attempt::judge_refined(Assessor& assessor,
+                                                const std::vector<Candidate>& optima,
+                                                const Assessment& compared,
+                                                const Candidate& refined) {
+  const Outcome<Assessment> assessment =
+      run_.timed("confidence", [&] { return assessor.assess(compared, optima, refined, run_); });
+  if (!assessment) return assessment.refusal();
+  return Judged{refined, *assessment, judge(assessment->measures, in_.options.confidence.gates)};
+}
+
+Outcome<Attempt::Judged> Attempt::judge_beside_more(Assessor& assessor,
+                                                    const std::vector<Candidate>& optima,
+                                                    const Candidate& refined, int rounds) {
+  assessor.search_decoys_further(rounds);
+  return judge_refined(assessor, optima, compared(assessor, optima), refined);
+}
+
+bool Attempt::is_believed(const Judged& judged) const {
+  return !judged.failure && !plan_.goes_on_as_patient(judged.assessment.measures);
+}
+
+Registration Attempt::ended(const Assessor& assessor, const std::vector<Candidate>& optima,
+                            const Judged& judged) const {
+  Registration registration{result_of(optima, judged.refined, judged.assessment, judged.failure),
+                            {}};
+  if (!judged.failure && plan_.gathers_own() && assessor.decoys())
+    registration.trail = Trail{judged.refined.T_us_ct,
+                               *assessor.decoys(),
+                               rivals_of(optima, in_.options.confidence.rival_mm, problem_.field),
+                               {}};
+  return registration;
+}
+
+std::optional<Registration> Attempt::at_once() {
+  Assessor assessor = this->assessor();
+  std::vector<Candidate> optima = searched(0, {});
+  if (optima.empty()) return std::nullopt;
+  const Assessment compared = this->compared(assessor, optima);
+  run_.report(0.6);
+  if (!assessor.parts_could_save(compared)) return std::nullopt;
+  const Outcome<Judged> best = refine_and_judge(assessor, optima, compared, 1);
+  if (!best || !is_believed(*best)) return std::nullopt;
+  return ended(assessor, optima, *best);
+}
+
+Outcome<Registration> Attempt::search() {
+  const int rounds = in_.options.search.rounds;
+  Assessor assessor = this->assessor();
+  std::vector<Candidate> optima;
+  std::optional<Eigen::Isometry3d> T_refused;
+  for (int round = 0;; ++round) {
+    optima = searched(round, std::move(optima));
+    if (optima.empty())
+      return Refusal{RegistrationStatus::kNoOverlap,
+                     "no pose in reach has CT and ultrasound overlap"};
+    run_.report(0.2 + 0.8 * (round + 0.5) / rounds);
+    const bool is_last = round + 1 == rounds;
+    const Eigen::Isometry3d T_best = optima.front().T_us_ct;
+    // Judged again, it would be refused again.
+    if (!is_last && T_refused && T_refused->isApprox(T_best, 0.0)) continue;
+    const Assessment compared = this->compared(assessor, optima);
+    if (!is_last && !assessor.parts_could_save(compared)) continue;
+    const Outcome<Judged> best = refine_and_judge(assessor, optima, compared, round + 1);
+    if (!best) return best.refusal();
+    run_.report(0.2 + 0.8 * (round + 1) / rounds);
+    if (is_last || !best->failure || !may_be_missed(best->assessment.measures))
+      return ended(assessor, optima, *best);
+    T_refused = T_best;
+  }
+}
+
+std::optional<Registration> Attempt::tracked(const Lead& lead) {
+  if (problem_.field.are_apart(problem_.T_us_ct_initial, lead.trail.T_us_ct, lead.reach_mm))
+    return std::nullopt;
+  const std::optional<Followed> followed = run_.timed("tracking", [&] {
+    return follow(lead.trail, problem_, images_.prepared.us->beams, in_.options.confidence, run_);
+  });
+  if (!followed) return std::nullopt;
+  const std::vector<Candidate>& optima = followed->optima;
+  Assessor assessor = this->assessor();
+  assessor.take_over(followed->decoys);
+  const Assessment compared = this->compared(assessor, optima);
+  const Outcome<Candidate> refined = refine(images_, in_.ct, optima.front(), in_.options, run_);
+  if (!refined || has_left(optima.front(), *refined)) return std::nullopt;
+  const Outcome<Judged> best = judge_refined(assessor, optima, compared, *refined);
+  if (!best || !is_believed(*best)) return std::nullopt;
+  return Registration{result_of(optima, best->refined, best->assessment, best->failure), {}};
+}
+
+}  // namespace usct::registration

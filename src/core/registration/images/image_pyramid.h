@@ -1,0 +1,74 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <vector>
+
+#include "registration/input.h"
+#include "registration/outcome.h"
+#include "registration/search/candidates.h"
+#include "registration/search/multi_start.h"
+#include "us_ct_registration/registration/prepared_ct.h"
+#include "us_ct_registration/similarity/similarity_images.h"
+#include "us_ct_registration/volume/operations.h"
+
+/// Both images as the search uses them: the ultrasound conditioned, the CT cropped to the part that
+/// the search can reach, and both averaged level by level.
+namespace usct::registration {
+
+/// The ultrasound for all levels: conditioned, and `known` at the samples that count.
+struct PreparedUltrasound {
+  std::shared_ptr<const BeamUltrasound> us;
+  /// An even selection of the positions of samples that count.
+  FieldPoints field;
+};
+
+/// Conditions the ultrasound. Here and below `check` may throw to cancel.
+PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
+                                      const RegistrationOptions& options, const Check& check = {});
+
+/// A part of a CT; of size 0 if nothing is in reach. The CT must outlive it.
+struct CtInReach {
+  const CtVolume& ct;
+  Region region;
+};
+
+/// The part that the search can reach from the initial pose: see SearchOptions::ct_margin_mm.
+CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
+                      const Eigen::Isometry3d& T_us_ct_initial, const SearchOptions& options);
+
+/// The part that the ultrasound reaches from a pose if its points move by `margin_mm` at most.
+CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
+                    const Eigen::Isometry3d& T_us_ct, double margin_mm);
+
+/// A similarity on images of one resolution.
+struct Level {
+  std::shared_ptr<SimilarityImages> images;
+  std::shared_ptr<const Similarity> similarity;
+  /// The same by a part of the samples, where the search screens with it; else null.
+  std::shared_ptr<const Similarity> screening;
+};
+
+struct ImagePyramid {
+  PreparedUltrasound prepared;
+  CtInReach in_reach;
+  /// The levels of SearchOptions::levels, in their order.
+  std::vector<Level> levels;
+
+  const Similarity& deciding() const { return *levels.back().similarity; }
+  std::vector<LevelSimilarities> similarities() const;
+};
+
+/// The first step of a registration. Refuses ultrasound without samples that count or vary, a CT
+/// that is nowhere near it, an initial pose that is not finite, and options that allow no
+/// evaluation. Throws InputError for images and options that are malformed, and for an initial pose
+/// that is not rigid.
+Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run);
+
+/// The level of the refinement, on the CT around a pose. It uses the images of the deciding level
+/// if they have the same spacing. Refuses a CT that does not overlap.
+Outcome<Level> refinement_level(const ImagePyramid& images, const PreparedCt& ct,
+                                const Eigen::Isometry3d& T_us_ct,
+                                const RegistrationOptions& options);
+
+}  // namespace usct::registration

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <Eigen/Geometry>
+
+#include "us_ct_registration/registration/registration.h"
+
+namespace usct::registration {
+
+/// What a registration is made of. All must outlive the steps that take it.
+struct RegistrationInput {
+  const BeamUltrasound& ultrasound;
+  const PreparedCt& ct;
+  const Eigen::Isometry3d& T_us_ct_initial;
+  const RegistrationOptions& options;
+};
+
+}  // namespace usct::registration

@@ -1,0 +1,64 @@
+#include <gtest/gtest.h>
+
+#include "registration/evidence_plan.h"
+
+namespace usct::test {
+namespace {
+
+using registration::EvidencePlan;
+
+EvidencePlan plan(EvidenceSource source, std::optional<double> limit = 0.3) {
+  ConfidenceOptions options;
+  options.evidence = source;
+  options.gates.max_wrong_probability = limit;
+  return EvidencePlan(options);
+}
+
+Measures with_probability(double wrong) {
+  Measures measures;
+  measures.wrong_probability = wrong;
+  measures.local_agreement = 0.9;
+  measures.mirror_ratio = 2.0;
+  return measures;
+}
+
+TEST(EvidencePlan, WithoutAGateNothingIsGatheredAndAllIsAccepted) {
+  for (const EvidenceSource source :
+       {EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient}) {
+    const EvidencePlan none = plan(source, std::nullopt);
+    EXPECT_FALSE(none.gathers() || none.gathers_own() || none.may_need_patient());
+    EXPECT_FALSE(none.goes_on_as_patient({}));
+    EXPECT_TRUE(none.accepts({}));
+  }
+}
+
+TEST(EvidencePlan, OnlyOwnEvidenceThatComesFirstHandsDoubtsOn) {
+  // A tenth of the limit is beyond doubt.
+  const Measures sure = with_probability(0.03);
+  const Measures in_doubt = with_probability(0.04);
+  EXPECT_FALSE(plan(EvidenceSource::kOwnFirst).goes_on_as_patient(sure));
+  EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).goes_on_as_patient(in_doubt));
+  EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).goes_on_as_patient({}));
+  for (const EvidenceSource source : {EvidenceSource::kOwn, EvidenceSource::kPatient})
+    EXPECT_FALSE(plan(source).goes_on_as_patient(in_doubt));
+}
+
+TEST(EvidencePlan, TheGateIsThatOfTheOptionsWhateverTheSource) {
+  for (const EvidenceSource source :
+       {EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient}) {
+    EXPECT_TRUE(plan(source).accepts(with_probability(0.3)));
+    EXPECT_FALSE(plan(source).accepts(with_probability(0.31)));
+    EXPECT_FALSE(plan(source).accepts({}));  // not measured
+  }
+}
+
+TEST(EvidencePlan, ImagesOfPatientAreNeededUnlessTheEvidenceIsOwn) {
+  EXPECT_FALSE(plan(EvidenceSource::kOwn).may_need_patient());
+  EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).may_need_patient());
+  EXPECT_TRUE(plan(EvidenceSource::kPatient).may_need_patient());
+  EXPECT_FALSE(plan(EvidenceSource::kPatient).gathers_own());
+  EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).gathers_own());
+}
+
+}  // namespace
+}  // namespace usct::test
