@@ -8,6 +8,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/fiducial_standard.h"
 #include "us_ct_registration/evaluation/study_case.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -56,6 +57,36 @@ void print(const FiducialStandard& standard) {
               standard.predicted_tre_mm(standard.centroid_us_mm));
 }
 
+/// How to make the landmarks fit, from the exchange of two of them that helps most.
+std::string order_words(Points us_mm, const Points& ct_mm, double fre_mm) {
+  std::string words = "check that both files have the same points in the same order";
+  double least_mm = 0.5 * fre_mm;
+  for (std::size_t i = 0; i < us_mm.size(); ++i)
+    for (std::size_t j = i + 1; j < us_mm.size(); ++j) {
+      std::swap(us_mm[i], us_mm[j]);
+      const double mm = fiducial_standard(us_mm, ct_mm).fre_mm;
+      std::swap(us_mm[i], us_mm[j]);
+      if (mm >= least_mm) continue;
+      least_mm = mm;
+      words = formatted(
+          "with points %zu and %zu of one file exchanged it would be %.2f mm: check "
+          "the order of the points",
+          i + 1, j + 1, mm);
+    }
+  return words;
+}
+
+/// A truth that is further off than the poses which a study counts as wrong cannot judge them.
+void warn_of_large_fre(const CaseCommand& command, const StudyCase& made, double fre_mm) {
+  constexpr double kMostMm = 5.0;
+  if (fre_mm <= kMostMm) return;
+  print_warnings(
+      {formatted("%s and %s do not fit each other (FRE %.2f mm; a study counts poses as "
+                 "wrong from %.0f mm on): ",
+                 command.landmarks[0].c_str(), command.landmarks[1].c_str(), fre_mm, kMostMm) +
+       order_words(made.targets_us_mm, made.targets_ct_mm, fre_mm)});
+}
+
 /// Sets truth and targets; returns whether positions of the targets in the CT are known.
 bool set_truth(const CaseCommand& command, StudyCase& made) {
   if (command.landmarks.empty()) {
@@ -65,6 +96,7 @@ bool set_truth(const CaseCommand& command, StudyCase& made) {
     const FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm);
     made.T_us_ct_true = standard.T_us_ct;
     print(standard);
+    warn_of_large_fre(command, made, standard.fre_mm);
   }
   if (command.targets.empty()) return true;
   made.targets_us_mm = read_points_mm(command.targets);

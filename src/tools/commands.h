@@ -10,6 +10,14 @@ namespace usct::tools {
 
 using Run = std::function<int()>;
 
+/// Marks an option as the name of a file that the command writes, as all that are called `output`
+/// are: `run_program` refuses one that is an input too.
+inline CLI::Option* writes(CLI::Option* option) { return option->type_name("OUTPUT"); }
+inline bool is_written(const CLI::Option& option) {
+  return option.get_type_name() == "OUTPUT" || option.check_name("output") ||
+         option.check_name("--output");
+}
+
 void add_info_command(CLI::App& app, Run& run);
 void add_convert_command(CLI::App& app, Run& run);
 void add_slices_command(CLI::App& app, Run& run);

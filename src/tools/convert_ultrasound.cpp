@@ -64,7 +64,8 @@ void UltrasoundConversion::add_to(CLI::App& command) {
                         "spacing in mm of a Cartesian volume in the US frame; without it the beams "
                         "are kept");
   spacing->check(CLI::Range(0.05, 20.0));
-  group->add_option("--mask", mask, "also write the validity mask (255 inside the scanned region)")
+  writes(group->add_option("--mask", mask,
+                           "also write the validity mask (255 inside the scanned region)"))
       ->needs(spacing);
   CLI::Option* normalise = group->add_option(
       "--normalise", normalisation,

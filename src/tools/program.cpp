@@ -2,13 +2,43 @@
 
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <stdexcept>
+#include <vector>
 
 #include "exit_status.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::tools {
 namespace {
+
+/// All options that the command line gives.
+void add_given(const CLI::App& app, std::vector<const CLI::Option*>& given) {
+  for (const CLI::Option* option : app.get_options())
+    if (option->count() > 0) given.push_back(option);
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    add_given(*sub, given);
+}
+
+/// What is written must not replace what is read, nor anything else that is written.
+void require_outputs_apart(const CLI::App& app) {
+  namespace fs = std::filesystem;
+  std::vector<const CLI::Option*> given;
+  add_given(app, given);
+  const auto require_apart = [](const CLI::Option& output, const CLI::Option& other) {
+    std::error_code ignored;  // of names that cannot be those of files
+    const fs::path written = fs::weakly_canonical(output.results().front(), ignored);
+    for (const std::string& name : other.results()) {
+      const bool may_be_file = is_written(other) || fs::is_regular_file(name, ignored);
+      if (may_be_file && !written.empty() && fs::weakly_canonical(name, ignored) == written)
+        throw InputError(output.get_name(), "is '" + output.results().front() + "', the file of " +
+                                                other.get_name() + ", must be another");
+    }
+  };
+  for (const CLI::Option* output : given)
+    for (const CLI::Option* other : given)
+      if (is_written(*output) && other != output) require_apart(*output, *other);
+}
 
 int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   app.set_version_flag("--version", USCT_VERSION);
@@ -22,6 +52,7 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
     app.exit(error);
     return kBadInput;
   }
+  require_outputs_apart(app);
   const int status = run();
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
     throw std::runtime_error("standard output cannot be written to");

@@ -116,9 +116,6 @@ void require_places(const RegisterCommand& command) {
   if (!has_transform_extension(command.transform))
     throw InputError("--transform",
                      "is '" + command.transform + "', must end in .tfm, .txt, .h5 or .hdf5");
-  if (std::filesystem::weakly_canonical(command.transform) ==
-      std::filesystem::weakly_canonical(command.output))
-    throw InputError("--transform", "is the file of --output, must be another");
 }
 
 /// Reads the CT beside the ultrasound, if there is a second thread.
@@ -307,9 +304,9 @@ void add_register_command(CLI::App& app, Run& run) {
   command->initial.add_to(*sub);
   add_how(*sub, *command);
   sub->add_option("--output", command->output, "result to write, .json")->required();
-  sub->add_option("--transform", command->transform,
-                  "ITK transform to write if registered, from US to CT points, mm, LPS (.tfm, "
-                  ".txt, .h5)");
+  writes(sub->add_option("--transform", command->transform,
+                         "ITK transform to write if registered, from US to CT points, mm, LPS "
+                         "(.tfm, .txt, .h5)"));
   sub->add_option("--pictures", command->pictures,
                   "folder to draw pictures in, made if absent: before and after, fused, slices");
   sub->add_option("--targets", command->targets,

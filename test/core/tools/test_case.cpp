@@ -91,6 +91,31 @@ TEST_F(Case, ATransformNeedsTargetsWhosePlaceInTheCtMayBeUnknown) {
                  {"ct.csv", "points, must have as many as"});
 }
 
+/// The landmarks of one file with two of them exchanged.
+TEST_F(Case, LandmarksInAnotherOrderAreNamed) {
+  std::vector<Eigen::Vector3d> ct = read_points_mm(path("ct.csv"));
+  std::size_t far = 1;
+  for (std::size_t i = 2; i < ct.size(); ++i)
+    if ((ct[i] - ct[0]).norm() > (ct[far] - ct[0]).norm()) far = i;
+  const std::vector<Eigen::Vector3d> us = read_points_mm(path("us.csv"));
+  // Few points, so that two of them are enough to move the truth.
+  std::vector<Eigen::Vector3d> few_ct{ct[far], ct[0]};
+  std::vector<Eigen::Vector3d> few_us{us[0], us[far]};
+  for (std::size_t i = 1; i < ct.size() && few_ct.size() < 6; i += ct.size() / 6)
+    if (i != far) {
+      few_ct.push_back(ct[i]);
+      few_us.push_back(us[i]);
+    }
+  write_points_mm(few_ct, path("few_ct.csv"));
+  write_points_mm(few_us, path("few_us.csv"));
+  const Outcome outcome =
+      make("exchanged", {"--landmarks", path("few_ct.csv"), path("few_us.csv")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  for (const char* part : {"warning", "few_ct.csv and", "few_us.csv do not fit each other",
+                           "with points 1 and 2 of one file exchanged it would be 0.00 mm"})
+    EXPECT_NE(outcome.errors.find(part), std::string::npos) << part << "\n" << outcome.errors;
+}
+
 TEST_F(Case, PointsOfOtherAxesAreRefused) {
   // Far outside, as points with other signs of the axes are.
   std::vector<Eigen::Vector3d> points = read_points_mm(path("ct.csv"));

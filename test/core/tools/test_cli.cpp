@@ -276,6 +276,27 @@ TEST_F(Cli, OutputThatCannotBeWrittenIsAFailure) {
   EXPECT_NE(std::system("'" USCT_TOOL "' presets > /dev/full 2> /dev/null"), 0);
 }
 
+/// What is written must not replace what is read.
+TEST_F(Cli, AnOutputThatIsAnInputIsRefused) {
+  write_volume(sampled(example_grids().front().grid), path("a.nrrd"));
+  const std::string before = test::read_text(path("a.nrrd"));
+  std::filesystem::create_symlink(path("a.nrrd"), path("link.nrrd"));
+  std::filesystem::create_directory(path("below"));
+  const std::vector<std::string> registration{
+      "register", "--ct", path("a.nrrd"), "--us", path("b.nrrd"), "--preset", "global", "--output"};
+  for (const std::string& same : {path("a.nrrd"), path("link.nrrd"), path("below/../a.nrrd")}) {
+    expect_refused({"convert", path("a.nrrd"), same},
+                   "output: is '" + same + "', the file of input, must be another");
+    std::vector<std::string> arguments = registration;
+    arguments.push_back(same);
+    expect_refused(arguments, "--output: is '" + same + "', the file of --ct, must be another");
+    arguments.back() = path("result.json");
+    arguments.insert(arguments.end(), {"--transform", same});
+    expect_refused(arguments, "--transform: is '" + same + "', the file of --ct, must be another");
+    EXPECT_EQ(test::read_text(path("a.nrrd")), before);
+  }
+}
+
 TEST_F(Cli, ARecordingAndItsProbeGiveTheAcquisitionBack) {
   PreScanVolume volume = smooth_acquisition();
   volume.geometry.axial = {60, 0.0, 0.308};  // 1540 m/s at 2.5 MHz
