@@ -132,7 +132,7 @@ class TfPublisher(TfPublisherCase):
         self.wait_tf(0.5)
         answer = self.decide("revert")
         self.assertEqual(answer.code, StatusCode.OK)
-        self.assertIn(f"result {self.id_of(1)}", answer.message)
+        self.assertIn(f"result {self.id_of(1)} is broadcast", answer.message)
         self.wait_state(Alignment.ACCEPTED, 1)
         self.wait_tf(0.25)
         self.assertEqual(self.decide("revert").code, StatusCode.OK)

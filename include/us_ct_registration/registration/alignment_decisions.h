@@ -154,7 +154,8 @@ class AlignmentDecisions {
   /// alignment from before the restart or the suspended one.
   DecisionAnswer accept(std::uint64_t result_id, std::int64_t now_ns);
   DecisionAnswer reject(std::uint64_t result_id);
-  /// Returns to the previous alignment, or to none.
+  /// Returns to the previous alignment, or to none. The message says what is broadcast then, or why
+  /// nothing is: the previous alignment may be of another CT, and a suspension goes on.
   DecisionAnswer revert();
 
   AlignmentState state() const;

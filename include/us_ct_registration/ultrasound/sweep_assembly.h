@@ -78,6 +78,8 @@ class SweepAssembler {
   /// Returns the sweep that a pause has ended.
   std::vector<EndedSweep> end_after_pause(std::int64_t now_ns);
 
+  /// The sweep that has not ended, like "sweep 3, 12 frames"; empty if there is none.
+  std::string open_sweep() const;
   std::uint64_t received() const { return received_; }
   /// Frames that were dropped or are missing, by reason.
   const Counts& dropped() const { return dropped_; }

@@ -10,6 +10,9 @@ namespace {
 
 using Code = DecisionAnswer::Code;
 
+constexpr const char* kOfAnotherCt =
+    " cannot be accepted: it is of another CT than the one that is held";
+
 std::string named(std::uint64_t result_id) { return "result " + std::to_string(result_id); }
 
 std::string named(const Alignment& alignment) {
@@ -151,6 +154,8 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
   if (result_id == 0 && restored_waits()) return accept_restored(now_ns);
   if (current_ && !suspended_because_.empty() &&
       (result_id == 0 || result_id == current_->result_id)) {
+    if (is_other_than_held(current_->ct_crc32))
+      return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
     suspended_because_.clear();
     return {Code::kDone, named(*current_) + " is in force again"};
   }
@@ -159,11 +164,10 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
 }
 
 DecisionAnswer AlignmentDecisions::accept_restored(std::int64_t now_ns) {
-  const std::string cannot = named(*current_) + " cannot be accepted: it ";
   if (is_other_than_held(current_->ct_crc32))
-    return {Code::kInvalidRequest, cannot + "is of another CT than the one that is held"};
+    return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
   if (const std::string reason = outdated(*current_, now_ns); !reason.empty())
-    return {Code::kInvalidRequest, cannot + reason};
+    return {Code::kInvalidRequest, named(*current_) + " cannot be accepted: it " + reason};
   restored_counts_ = true;
   current_->accepted_ns = now_ns;
   suspended_because_.clear();
@@ -192,11 +196,12 @@ DecisionAnswer AlignmentDecisions::revert() {
   current_.reset();
   if (history_.empty()) {
     suspended_because_.clear();
-    return {Code::kDone, left + "nothing is broadcast any more"};
+  } else {
+    current_ = history_.back();
+    history_.pop_back();
   }
-  current_ = history_.back();
-  history_.pop_back();
-  return {Code::kDone, left + "back to " + named(*current_)};
+  // The previous alignment may be of another CT, or suspended.
+  return {Code::kDone, left + state().message};
 }
 
 bool AlignmentDecisions::is_other_than_held(std::uint32_t ct_crc32) const {

@@ -61,6 +61,11 @@ std::vector<EndedSweep> SweepAssembler::end_after_pause(std::int64_t now_ns) {
   return ended;
 }
 
+std::string SweepAssembler::open_sweep() const {
+  if (!sweep_) return "";
+  return name_of_sweep(*sweep_->first) + ", " + std::to_string(sweep_->frames.size()) + " frames";
+}
+
 std::vector<EndedSweep> SweepAssembler::arrived(std::int64_t now_ns) {
   ++received_;
   if (now_ns < last_arrival_ns_) {

@@ -19,6 +19,11 @@ FolderSource::FolderSource(::ros::NodeHandle node, const FileOptions& file,
       timer_(node.createWallTimer(::ros::WallDuration(folder.period_s),
                                   [this](const ::ros::WallTimerEvent&) { look(); })) {}
 
+std::string FolderSource::awaited_clock() const {
+  constexpr double kAnySweep_s = 0.0;
+  return awaited(file_.stamp, ::ros::Time::now(), kAnySweep_s);
+}
+
 void FolderSource::set_error(const std::string& error) {
   const std::lock_guard<std::mutex> lock(mutex_);
   error_ = error;
@@ -26,7 +31,7 @@ void FolderSource::set_error(const std::string& error) {
 
 void FolderSource::take(const std::filesystem::path& path) try {
   const std::string shown_as = "file " + std::to_string(++taken_) + " of the watched folder";
-  publish_file(path, shown_as, file_, publish_);
+  publish_(FileVolume(path, shown_as, file_).stamped(::ros::Time::now()));
   set_error("");
 } catch (const std::exception& error) {
   set_error(error.what());
@@ -36,7 +41,7 @@ void FolderSource::take(const std::filesystem::path& path) try {
 void FolderSource::look() {
   // A file may take longer than the period; its callback then still runs on another thread.
   const std::unique_lock<std::mutex> looking(looking_, std::try_to_lock);
-  if (!looking) return;
+  if (!looking || !awaited_clock().empty()) return;
   try {
     for (const std::filesystem::path& path : folder_.take(steady_s())) take(path);
   } catch (const std::exception& error) {
@@ -47,6 +52,8 @@ void FolderSource::look() {
 
 void FolderSource::describe(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  const std::string waits_for = awaited_clock();
+  if (!waits_for.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, waits_for);
   if (!error_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, error_);
 }
 

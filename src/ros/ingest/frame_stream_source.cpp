@@ -53,6 +53,7 @@ FrameStreamSource::FrameStreamSource(::ros::NodeHandle node, const FrameStreamOp
       poses_(options.pose_frame.empty() ? nullptr
                                         : std::make_unique<const ArrayPoses>(node, options)),
       assembler_(options.assembly),
+      last_arrival_(node),
       reported_at_(::ros::WallTime::now()),
       subscriber_(node.subscribe("us/frames", kFrameQueue, &FrameStreamSource::on_frame, this,
                                  ::ros::TransportHints().tcpNoDelay())),
@@ -78,7 +79,8 @@ std::vector<EndedSweep> FrameStreamSource::assemble(const msg::PreScanFrame::Con
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   --frames_in_work_;
-  const std::int64_t now_ns = nanoseconds_from(::ros::Time::now());
+  last_arrival_.set(::ros::Time::now());
+  const std::int64_t now_ns = nanoseconds_from(last_arrival_.time());
   std::vector<EndedSweep> ended =
       frame ? assembler_.add(frame, now_ns) : assembler_.add_invalid(problem, now_ns);
   publish(ended);
@@ -99,7 +101,7 @@ void FrameStreamSource::check_pause() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (frames_in_work_ > 0) return;
-    ended = assembler_.end_after_pause(nanoseconds_from(::ros::Time::now()));
+    ended = assembler_.end_after_pause(nanoseconds_from(last_arrival_.now()));
     publish(ended);
   }
   check_lags(ended);
@@ -150,6 +152,8 @@ void FrameStreamSource::describe(diagnostic_updater::DiagnosticStatusWrapper& st
   if (!lag_warning_.empty()) status.mergeSummary(DiagnosticStatus::WARN, lag_warning_);
   if (!refusal_.empty()) status.mergeSummary(DiagnosticStatus::WARN, "refused " + refusal_);
   describe_frames(status);
+  const std::string open = assembler_.open_sweep();
+  status.add("recording", open.empty() ? "no" : open);
   status.add("sweeps refused", refused_);
   if (!assembler_.last_problem().empty()) status.add("last problem", assembler_.last_problem());
   status.add("image_lag [s]", options_.assembly.image_lag_s);

@@ -12,6 +12,7 @@
 #include "ros/conversions/frames.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/ingest/last_arrival.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -59,6 +60,7 @@ class FrameStreamSource : public IngestSource {
 
   std::mutex mutex_;  // guards the members below, up to reported_at_
   SweepAssembler assembler_;
+  LastArrival last_arrival_;
   int frames_in_work_ = 0;
   std::uint64_t refused_ = 0;
   std::string refusal_;  // of the last sweep; empty if it was published

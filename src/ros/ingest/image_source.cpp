@@ -80,6 +80,7 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
       publish_(std::move(publish)),
       poses_(node, options),
       topic_(node.resolveName("us/image")),
+      last_arrival_(node),
       reported_at_(::ros::WallTime::now()),
       transport_(node) {
   subscriber_ = transport_.subscribe(
@@ -101,19 +102,22 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
                                           [this](const ::ros::WallTimerEvent&) { check_pause(); });
 }
 
-void ImageSource::notice_time(const ::ros::Time& now) {
-  if (now < last_arrival_ && recording_) {
+void ImageSource::notice_arrival(const ::ros::Time& now) {
+  if (now < last_arrival_.time() && recording_) {
     refuse(recording_->images.name() + ": time ran back while it was recorded");
     recording_.reset();
   }
-  last_arrival_ = now;
+  last_arrival_.set(now);
+}
+
+double ImageSource::silent_s() const {
+  return seconds_between(last_arrival_.time(), last_arrival_.now());
 }
 
 void ImageSource::begin() { recording_ = Recording{{options_.sweep, next_number_++}, {}}; }
 
-std::optional<ImageSource::Recording> ImageSource::ended_by_pause(const ::ros::Time& now) {
-  if (options_.by_service || !recording_ ||
-      seconds_between(last_arrival_, now) <= options_.sweep.longest_pause_s)
+std::optional<ImageSource::Recording> ImageSource::ended_by_pause() {
+  if (options_.by_service || !recording_ || silent_s() <= options_.sweep.longest_pause_s)
     return std::nullopt;
   return std::exchange(recording_, std::nullopt);
 }
@@ -124,7 +128,7 @@ void ImageSource::check_pause() {
   std::optional<Recording> ended;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    ended = ended_by_pause(::ros::Time::now());
+    ended = ended_by_pause();
   }
   if (ended) finish(*ended);
 }
@@ -132,7 +136,7 @@ void ImageSource::check_pause() {
 void ImageSource::on_image(const sensor_msgs::ImageConstPtr& image) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ++received_;
-  notice_time(::ros::Time::now());
+  notice_arrival(::ros::Time::now());
   try {
     take(*image);
     problem_.clear();
@@ -250,7 +254,7 @@ ImageSource::Status ImageSource::readiness() {
   std::string frame;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const double age_s = seconds_between(last_arrival_, ::ros::Time::now());
+    const double age_s = silent_s();
     if (received_ == 0 || age_s > options_.sweep.longest_pause_s)
       return status(
           Code::NO_ULTRASOUND,

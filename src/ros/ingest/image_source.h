@@ -13,6 +13,7 @@
 
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/ingest/last_arrival.h"
 #include "ros/tf_input.h"
 #include "us_ct_registration/ultrasound/image_beams.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
@@ -62,10 +63,12 @@ class ImageSource : public IngestSource {
   /// Throws InputError for a stamp, frame or size that the node cannot use.
   void require_usable(const sensor_msgs::Image& image) const;
   void record(const sensor_msgs::Image& image);
-  void notice_time(const ::ros::Time& now);
+  void notice_arrival(const ::ros::Time& now);
   void begin();
   /// Ends the sweep that is recorded if the images have paused; without it, without a result.
-  std::optional<Recording> ended_by_pause(const ::ros::Time& now);
+  std::optional<Recording> ended_by_pause();
+  /// Time since the last image arrived, s.
+  double silent_s() const;
   void check_pause();
   /// Publishes the sweep, or says why not.
   Status finish(const Recording& recording);
@@ -87,7 +90,7 @@ class ImageSource : public IngestSource {
   std::optional<Recording> recording_;
   std::uint32_t next_number_ = 0;
   std::string topic_;
-  ::ros::Time last_arrival_;
+  LastArrival last_arrival_;
   ::ros::Time last_stamp_;  // of the last usable image
   std::string last_frame_;
   std::string problem_;  // of the last image; empty if it was usable

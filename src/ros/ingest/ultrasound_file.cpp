@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <utility>
 
 #include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
@@ -73,25 +74,40 @@ UltrasoundSource read_ultrasound_source(Parameters& parameters) {
   return time;
 }
 
-msg::PreScanVolumePtr read_volume_message(const UltrasoundSource& source,
-                                          const std::string& frame_id, FileStamp stamp,
-                                          const ::ros::Time& now,
-                                          std::vector<std::string>& warnings) {
-  const UltrasoundInput input = read_ultrasound(source);
+std::string awaited(FileStamp stamp, const ::ros::Time& now, double sweep_s) {
+  if (stamp != FileStamp::kReading || now.toSec() > sweep_s) return "";
+  return "file_stamp is 'reading', and waits for simulated time (/clock) to pass " +
+         seconds_text(sweep_s) + " s; it is at " + seconds_text(now) + " s";
+}
+
+double sweep_seconds(const PreScanVolume& volume) {
+  const auto* tracked = std::get_if<TrackedSweep>(&volume.geometry.motion);
+  if (tracked == nullptr || tracked->frame_times_s.empty()) return 0.0;
+  return tracked->frame_times_s.back() - tracked->frame_times_s.front();
+}
+
+PreScanVolume read_prescan_file(const UltrasoundSource& source,
+                                std::vector<std::string>& warnings) {
+  UltrasoundInput input = read_ultrasound(source);
   warnings.insert(warnings.end(), input.warnings.begin(), input.warnings.end());
-  const std::string name = source.path.string();
-  const auto* volume = std::get_if<PreScanVolume>(&input.data);
+  auto* volume = std::get_if<PreScanVolume>(&input.data);
   if (volume == nullptr)
-    throw InputError(name,
+    throw InputError(source.path.string(),
                      std::holds_alternative<TrackedImages>(input.data)
                          ? "holds B-mode images, must hold beams: probe, samples, "
                            "image_origin_px and image_spacing_mm resample them along beams"
                          : "holds a Cartesian volume, must hold beams before scan conversion");
+  return std::move(*volume);
+}
+
+msg::PreScanVolumePtr stamped_message(const PreScanVolume& volume, const std::string& frame_id,
+                                      FileStamp stamp, const ::ros::Time& now,
+                                      const std::string& source) {
   std_msgs::Header header;
   header.frame_id = frame_id;
-  header.stamp = stamp_of(*volume, stamp, now, name);
-  require_not_ahead(header.stamp, now, name, "acquisition_time");
-  return boost::make_shared<msg::PreScanVolume>(to_message(*volume, header));
+  header.stamp = stamp_of(volume, stamp, now, source);
+  require_not_ahead(header.stamp, now, source, "acquisition_time");
+  return boost::make_shared<msg::PreScanVolume>(to_message(volume, header));
 }
 
 }  // namespace usct::ros_interface

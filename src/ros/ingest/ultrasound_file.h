@@ -25,12 +25,25 @@ enum class FileStamp {
   kReading,      // the time at which the file is read
 };
 
-/// Reads a file of pre-scan ultrasound as a message, and adds the reader's warnings to `warnings`.
-/// Throws InputError as `read_ultrasound`, and for files that hold no pre-scan volume (B-mode
-/// images without a probe, Cartesian volumes).
-us_ct_registration::PreScanVolumePtr read_volume_message(const UltrasoundSource& source,
-                                                         const std::string& frame_id,
-                                                         FileStamp stamp, const ::ros::Time& now,
-                                                         std::vector<std::string>& warnings);
+/// What a volume has to wait for before it can be stamped, in words; empty if it can be stamped
+/// `now`. Simulated time is 0 before it begins, which is no valid stamp, and all frames of the
+/// sweep, which took `sweep_s`, need one.
+std::string awaited(FileStamp stamp, const ::ros::Time& now, double sweep_s);
+
+/// The time between the first frame and the last one, s; 0 if the file does not tell.
+double sweep_seconds(const PreScanVolume& volume);
+
+/// Reads a file of pre-scan ultrasound, and adds the reader's warnings to `warnings`. Throws
+/// InputError as `read_ultrasound`, and for files that hold no pre-scan volume (B-mode images
+/// without a probe, Cartesian volumes).
+PreScanVolume read_prescan_file(const UltrasoundSource& source, std::vector<std::string>& warnings);
+
+/// The volume of the file `source` as a message. Throws InputError if it has no acquisition time
+/// but needs one, or if that is ahead of `now`, and std::runtime_error if a frame would be stamped
+/// before 1970.
+us_ct_registration::PreScanVolumePtr stamped_message(const PreScanVolume& volume,
+                                                     const std::string& frame_id, FileStamp stamp,
+                                                     const ::ros::Time& now,
+                                                     const std::string& source);
 
 }  // namespace usct::ros_interface

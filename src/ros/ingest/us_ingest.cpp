@@ -23,7 +23,7 @@ UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
 std::unique_ptr<IngestSource> UsIngest::make_source(const IngestParameters& parameters) {
   const PublishVolume publish_volume = [this](const auto& volume) { publish(volume); };
   if (parameters.source == "file")
-    return std::make_unique<FileSource>(parameters.file, publish_volume);
+    return std::make_unique<FileSource>(node_, parameters.file, publish_volume);
   if (parameters.source == "folder")
     return std::make_unique<FolderSource>(node_, parameters.file, parameters.folder,
                                           publish_volume);

@@ -172,6 +172,27 @@ TEST(AlignmentDecisions, RevertGoesBackThroughABoundedHistory) {
   EXPECT_EQ(decisions.revert().code, Code::kNothingToDecide);
 }
 
+TEST(AlignmentDecisions, RevertSaysWhatIsInForceAfterIt) {
+  AlignmentDecisions decisions(automatic());
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.offer(registered(1), kNow);
+  decisions.offer(registered(2), kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  OfferedResult of_other_ct = registered(3);
+  of_other_ct.alignment.ct_crc32 = kOtherCt;
+  decisions.offer(of_other_ct, kNow);
+  EXPECT_EQ(broadcast(decisions).result_id, 3U);
+  const DecisionAnswer answer = decisions.revert();
+  EXPECT_EQ(answer.code, Code::kDone);
+  EXPECT_EQ(answer.message,
+            "result 3 is given up: result 2 is of another CT than the one that is held");
+  EXPECT_FALSE(decisions.state().broadcast);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  EXPECT_EQ(decisions.revert().message, "result 2 is given up: result 1 is broadcast");
+  EXPECT_EQ(broadcast(decisions).result_id, 1U);
+  EXPECT_EQ(decisions.revert().message, "result 1 is given up: nothing is accepted");
+}
+
 TEST(AlignmentDecisions, AResultThatComesAgainDoesNotUndoADecision) {
   AlignmentDecisions decisions(automatic());
   OfferedResult result = registered(1);
@@ -274,12 +295,26 @@ TEST(AlignmentDecisions, ASuspendedAlignmentComesBackOnlyByAPerson) {
   EXPECT_EQ(broadcast(decisions).result_id, 3U);
 }
 
+TEST(AlignmentDecisions, ASuspendedAlignmentOfAnotherCtCannotBeAccepted) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  decisions.suspend("two parents");
+  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  const DecisionAnswer answer = decisions.accept(0, kNow);
+  EXPECT_EQ(answer.code, Code::kInvalidRequest);
+  EXPECT_THAT(answer.message, HasSubstr("result 1 cannot be accepted: it is of another CT"));
+  EXPECT_TRUE(decisions.state().is_suspended);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).result_id, 1U);
+}
+
 TEST(AlignmentDecisions, RevertingDoesNotLiftASuspensionUnlessNothingIsLeft) {
   AlignmentDecisions decisions(automatic());
   decisions.offer(registered(1), kNow);
   decisions.offer(registered(2), kNow);
   decisions.suspend("two parents");
-  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_EQ(decisions.revert().message, "result 2 is given up: result 1 is suspended: two parents");
   EXPECT_TRUE(decisions.state().is_suspended);
   EXPECT_FALSE(decisions.state().broadcast);
   EXPECT_EQ(decisions.revert().code, Code::kDone);

@@ -62,7 +62,7 @@ TEST(TimeFromUtc, CountsFromTheEpoch) {
   EXPECT_THROW(time_from_utc("2024-05-17", "file"), InputError);
 }
 
-TEST(ReadVolumeMessage, StampsWithTheAcquisitionOrRefuses) {
+TEST(StampedMessage, HasTheAcquisitionTimeOrIsRefused) {
   const test::TemporaryFolder folder;
   PreScanVolume volume;
   volume.geometry = {
@@ -73,23 +73,29 @@ TEST(ReadVolumeMessage, StampsWithTheAcquisitionOrRefuses) {
   source.path = folder.path() / "us.nrrd";
   write_prescan_nrrd(volume, source.path);
   std::vector<std::string> warnings;
+  PreScanVolume read = read_prescan_file(source, warnings);
+  const auto stamped = [&](FileStamp stamp, const ::ros::Time& now) {
+    return stamped_message(read, "probe", stamp, now, "us.nrrd");
+  };
   const ::ros::Time later(1716000000, 0);
-  const auto found = read_volume_message(source, "probe", FileStamp::kAcquisition, later, warnings);
+  const auto found = stamped(FileStamp::kAcquisition, later);
   EXPECT_EQ(found->header.stamp, ::ros::Time(1715938200, 0));
   EXPECT_EQ(found->header.frame_id, "probe");
   EXPECT_EQ(from_message(*found, "message").voxels, volume.voxels);
   // It is in the future of this clock.
-  EXPECT_THROW(
-      read_volume_message(source, "probe", FileStamp::kAcquisition, ::ros::Time(7.0), warnings),
-      InputError);
+  EXPECT_THROW(stamped(FileStamp::kAcquisition, ::ros::Time(7.0)), InputError);
 
-  volume.acquisition_time.clear();
-  write_prescan_nrrd(volume, source.path);
-  EXPECT_THROW(read_volume_message(source, "probe", FileStamp::kAcquisition, later, warnings),
-               InputError);
-  EXPECT_EQ(read_volume_message(source, "probe", FileStamp::kReading, ::ros::Time(7.0), warnings)
-                ->header.stamp,
-            ::ros::Time(7.0));
+  read.acquisition_time.clear();
+  EXPECT_THROW(stamped(FileStamp::kAcquisition, later), InputError);
+  EXPECT_EQ(stamped(FileStamp::kReading, ::ros::Time(7.0))->header.stamp, ::ros::Time(7.0));
+}
+
+TEST(FileStamp, OfReadingWaitsForTheClockAlone) {
+  EXPECT_THAT(awaited(FileStamp::kReading, ::ros::Time(), 0.0), HasSubstr("/clock"));
+  EXPECT_EQ(awaited(FileStamp::kReading, ::ros::TIME_MIN, 0.0), "");
+  EXPECT_THAT(awaited(FileStamp::kReading, ::ros::Time(2.0), 2.0), HasSubstr("2.000 s"));
+  EXPECT_EQ(awaited(FileStamp::kReading, ::ros::Time(2.1), 2.0), "");
+  EXPECT_EQ(awaited(FileStamp::kAcquisition, ::ros::Time(), 0.0), "");
 }
 
 }  // namespace

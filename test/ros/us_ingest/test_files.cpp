@@ -1,12 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <array>
-#include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -15,6 +10,7 @@
 #include "core/ultrasound/lagging_sweep.h"
 #include "inbox.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/process.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct::ros_interface {
@@ -24,58 +20,9 @@ namespace msg = us_ct_registration;
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-/// A node as a process of its own, interrupted at the end of the test.
-class Process {
- public:
-  explicit Process(const std::vector<std::string>& arguments) {
-    // Test programs and nodes lie in the same folder.
-    std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "us_ingest";
-    std::vector<std::string> texts(arguments);
-    std::vector<char*> argv{program.data()};
-    for (std::string& text : texts) argv.push_back(text.data());
-    argv.push_back(nullptr);
-    std::array<int, 2> ends{};
-    if (::pipe(ends.data()) != 0) throw std::runtime_error("no pipe");
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(ends[1], STDOUT_FILENO);
-      ::dup2(ends[1], STDERR_FILENO);
-      ::close(ends[0]);
-      ::execv(program.c_str(), argv.data());
-      ::_exit(127);
-    }
-    ::close(ends[1]);
-    output_ = ::fdopen(ends[0], "r");
-  }
-  ~Process() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGINT);
-      ::waitpid(pid_, nullptr, 0);
-    }
-    std::fclose(output_);
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  /// Output of the node until it ends by itself, and its exit status.
-  std::pair<std::string, int> end() {
-    std::string output;
-    std::array<char, 256> part{};
-    while (std::fgets(part.data(), static_cast<int>(part.size()), output_) != nullptr)
-      output += part.data();
-    int status = 0;
-    ::waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return {output, WEXITSTATUS(status)};
-  }
-
- private:
-  pid_t pid_ = -1;
-  FILE* output_ = nullptr;
-};
-
 TEST(Parameters, AnUnknownKeyEndsTheNodeAndIsNamed) {
-  const auto [output, status] = Process({"__name:=misspelt", "_swep_pause:=1.0"}).end();
+  const auto [output, status] =
+      Process("us_ingest", {"__name:=misspelt", "_swep_pause:=1.0"}).end();
   EXPECT_EQ(status, 2);
   EXPECT_THAT(output, HasSubstr("/misspelt/swep_pause"));
 }
@@ -110,7 +57,8 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
   ::ros::NodeHandle node;
   const Inbox<msg::PreScanVolume> volumes(node, "/watching/us/volume");
   const Inbox<diagnostic_msgs::DiagnosticArray> diagnostics(node, "/diagnostics");
-  const Process process({"__ns:=watching", "_source:=folder", "_path:=" + folder.path().string(),
+  const Process process("us_ingest",
+                        {"__ns:=watching", "_source:=folder", "_path:=" + folder.path().string(),
                          "_folder_period:=0.05", "_folder_settle:=2.0"});
   ASSERT_TRUE(wait_for_diagnostics(diagnostics, "watching", diagnostic_msgs::DiagnosticStatus::OK,
                                    "waiting"));
@@ -153,8 +101,9 @@ TEST(File, IsPublishedForWhoeverComesLater) {
   write_prescan_nrrd(volume, folder.path() / "us.nrrd");
   ::ros::NodeHandle node;
   const Inbox<diagnostic_msgs::DiagnosticArray> diagnostics(node, "/diagnostics");
-  const Process process({"__ns:=reading", "_source:=file", "_frame_id:=patient",
-                         "_file_stamp:=reading", "_path:=" + (folder.path() / "us.nrrd").string()});
+  const Process process(
+      "us_ingest", {"__ns:=reading", "_source:=file", "_frame_id:=patient", "_file_stamp:=reading",
+                    "_path:=" + (folder.path() / "us.nrrd").string()});
   ASSERT_TRUE(wait_for_diagnostics(diagnostics, "reading", diagnostic_msgs::DiagnosticStatus::OK,
                                    "published"));
   const Inbox<msg::PreScanVolume> volumes(node, "/reading/us/volume");
@@ -165,7 +114,7 @@ TEST(File, IsPublishedForWhoeverComesLater) {
 
 TEST(File, OneThatIsMissingEndsTheNodeAndIsNamed) {
   const auto [output, status] =
-      Process({"__name:=no_file", "_source:=file", "_path:=/no/such.nrrd"}).end();
+      Process("us_ingest", {"__name:=no_file", "_source:=file", "_path:=/no/such.nrrd"}).end();
   EXPECT_EQ(status, 2);
   EXPECT_THAT(output, HasSubstr("/no/such.nrrd"));
 }
