@@ -20,7 +20,7 @@ void add_given(const CLI::App& app, std::vector<const CLI::Option*>& given) {
     add_given(*sub, given);
 }
 
-/// What is written must not replace what is read, nor anything else that is written.
+/// A file that is written must be none that is read, and no other that is written.
 void require_outputs_apart(const CLI::App& app) {
   namespace fs = std::filesystem;
   std::vector<const CLI::Option*> given;

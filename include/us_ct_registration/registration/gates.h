@@ -122,7 +122,7 @@ struct RightProbability {
 /// without one, no error is expected.
 std::optional<RightProbability> right_probability(const Measures& measures);
 
-/// What all evidence leaves for the pose to be wrong, Measures::wrong_probability; unset as above.
+/// Measures::wrong_probability by all evidence; unset as above.
 std::optional<double> wrong_probability(const Measures& measures);
 
 /// Limits on Measures; unset switches a gate off. A measure that is absent (or not a number) fails

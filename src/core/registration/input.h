@@ -6,7 +6,7 @@
 
 namespace usct::registration {
 
-/// What a registration is made of. All must outlive the steps that take it.
+/// Images, initial pose and options of a registration. All must outlive the steps that take it.
 struct RegistrationInput {
   const BeamUltrasound& ultrasound;
   const PreparedCt& ct;

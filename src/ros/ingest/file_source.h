@@ -21,7 +21,7 @@ class FileVolume {
   /// with the reason if the file cannot be read.
   FileVolume(std::filesystem::path path, std::string shown_as, const FileOptions& options);
 
-  /// What the volume has to wait for before it can be stamped; empty if it can be stamped `now`.
+  /// Names what the volume waits for before it can be stamped; empty if it can be stamped `now`.
   std::string awaited(const ::ros::Time& now) const;
   /// Throws std::runtime_error with the reason if the volume cannot be stamped at `now`.
   us_ct_registration::PreScanVolumePtr stamped(const ::ros::Time& now) const;

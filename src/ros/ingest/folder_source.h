@@ -24,7 +24,7 @@ class FolderSource : public IngestSource {
  private:
   void look();
   void take(const std::filesystem::path& path);
-  /// What files have to wait for before any can be stamped, in words; empty if they need not.
+  /// Names what files wait for before any can be stamped, in words; empty if they need not.
   std::string awaited_clock() const;
   void set_error(const std::string& error);
 

@@ -25,7 +25,7 @@ enum class FileStamp {
   kReading,      // the time at which the file is read
 };
 
-/// What a volume has to wait for before it can be stamped, in words; empty if it can be stamped
+/// Names what a volume waits for before it can be stamped, in words; empty if it can be stamped
 /// `now`. Simulated time is 0 before it begins, which is no valid stamp, and all frames of the
 /// sweep, which took `sweep_s`, need one.
 std::string awaited(FileStamp stamp, const ::ros::Time& now, double sweep_s);

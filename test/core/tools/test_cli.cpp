@@ -276,7 +276,7 @@ TEST_F(Cli, OutputThatCannotBeWrittenIsAFailure) {
   EXPECT_NE(std::system("'" USCT_TOOL "' presets > /dev/full 2> /dev/null"), 0);
 }
 
-/// What is written must not replace what is read.
+/// A file that is written must be none that is read.
 TEST_F(Cli, AnOutputThatIsAnInputIsRefused) {
   write_volume(sampled(example_grids().front().grid), path("a.nrrd"));
   const std::string before = test::read_text(path("a.nrrd"));

@@ -40,7 +40,7 @@ std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
                                                   const ConfidenceOptions& options,
                                                   const FieldPoints& field, Run& run);
 
-/// What the images show of the errors that were estimated.
+/// The errors that were estimated, as far as the images show them.
 struct ShownErrors {
   /// The estimated errors; none where noise may have shown them.
   AcquisitionErrors errors;
