@@ -34,17 +34,12 @@ std::vector<LevelOptions> patient_levels() {
   metric.patches = patches(16.0, 22.0);
   metric.patches.samples = SampleSubset::kHalf;
   coarse.spacing_mm = 4.0;
-  // On 4 mm a knot has few samples, and gradients are small: with the values of the deciding level
-  // climbs lead to the right pose from less far away (docs/experiments/2026-11-27-wider-climbs.md).
-  metric.gradient_scale_hu_per_mm = 60.0;
-  metric.prior_samples = 100.0;
   coarse.similarity = metric;
   coarse.optimizer = climb_by(OptimizerMethod::kGaussNewton, 4.0, 0.5);
   coarse.screened = 64;
   coarse.optimised = 24;
   coarse.kept = 4;
   LevelOptions deciding;
-  metric = {};
   metric.patches = patches(8.0, 11.0);
   deciding.similarity = metric;
   deciding.optimizer = climb_by(OptimizerMethod::kGaussNewton, 2.0, 0.4);
