@@ -1,6 +1,5 @@
 #include "ros/ingest/folder_source.h"
 
-#include "ros/ingest/file_source.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -19,41 +18,50 @@ FolderSource::FolderSource(::ros::NodeHandle node, const FileOptions& file,
       timer_(node.createWallTimer(::ros::WallDuration(folder.period_s),
                                   [this](const ::ros::WallTimerEvent&) { look(); })) {}
 
-std::string FolderSource::awaited_clock() const {
-  constexpr double kAnySweep_s = 0.0;
-  return awaited(file_.stamp, ::ros::Time::now(), kAnySweep_s);
-}
-
-void FolderSource::set_error(const std::string& error) {
+void FolderSource::tell(const std::string& error) {
   const std::lock_guard<std::mutex> lock(mutex_);
   error_ = error;
 }
 
-void FolderSource::take(const std::filesystem::path& path) try {
-  const std::string shown_as = "file " + std::to_string(++taken_) + " of the watched folder";
-  publish_(FileVolume(path, shown_as, file_).stamped(::ros::Time::now()));
-  set_error("");
+void FolderSource::tell_awaited(const std::string& awaited) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  awaited_ = awaited;
+}
+
+bool FolderSource::is_done_with_first() try {
+  if (!next_)
+    next_.emplace(in_line_.front(), "file " + std::to_string(++taken_) + " of the watched folder",
+                  file_);
+  const ::ros::Time now = ::ros::Time::now();
+  const std::string awaited = next_->awaited(now);
+  tell_awaited(awaited);
+  if (!awaited.empty()) return false;
+  publish_(next_->stamped(now));
+  tell("");
+  return true;
 } catch (const std::exception& error) {
-  set_error(error.what());
+  tell(error.what());
   ROS_ERROR("%s", error.what());
+  return true;
 }
 
 void FolderSource::look() {
   // A file may take longer than the period; its callback then still runs on another thread.
   const std::unique_lock<std::mutex> looking(looking_, std::try_to_lock);
-  if (!looking || !awaited_clock().empty()) return;
+  if (!looking) return;
   try {
-    for (const std::filesystem::path& path : folder_.take(steady_s())) take(path);
+    for (std::filesystem::path& path : folder_.take(steady_s()))
+      in_line_.push_back(std::move(path));
   } catch (const std::exception& error) {
     ROS_ERROR_THROTTLE(10.0, "%s", error.what());
-    set_error(error.what());
+    tell(error.what());
   }
+  for (; !in_line_.empty() && is_done_with_first(); in_line_.pop_front()) next_.reset();
 }
 
 void FolderSource::describe(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const std::string waits_for = awaited_clock();
-  if (!waits_for.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, waits_for);
+  if (!awaited_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, awaited_);
   if (!error_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, error_);
 }
 

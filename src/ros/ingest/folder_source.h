@@ -2,17 +2,21 @@
 
 #include <ros/node_handle.h>
 
+#include <deque>
 #include <mutex>
+#include <optional>
 #include <string>
 
+#include "ros/ingest/file_source.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/watched_folder.h"
 
 namespace usct::ros_interface {
 
-/// Publishes each file that appears in a folder, once it is completely written. A file that cannot
-/// be read is reported, and the source continues.
+/// Publishes each file that appears in a folder, once it is completely written and can be stamped,
+/// in the order in which they were written. A file that cannot be read is reported, and the source
+/// continues.
 class FolderSource : public IngestSource {
  public:
   /// Throws InputError if the folder cannot be read.
@@ -23,18 +27,21 @@ class FolderSource : public IngestSource {
 
  private:
   void look();
-  void take(const std::filesystem::path& path);
-  /// Names what files wait for before any can be stamped, in words; empty if they need not.
-  std::string awaited_clock() const;
-  void set_error(const std::string& error);
+  /// Publishes or reports the first file in line; returns false if it cannot be stamped yet.
+  bool is_done_with_first();
+  void tell(const std::string& error);
+  void tell_awaited(const std::string& awaited);
 
   const FileOptions file_;
   const PublishVolume publish_;
-  std::mutex looking_;  // guards folder_ and taken_; held while files are read
+  std::mutex looking_;  // guards the next four; held while files are read
   WatchedFolder folder_;
+  std::deque<std::filesystem::path> in_line_;
+  std::optional<FileVolume> next_;  // of the first file in line, if it was read and waits
   int taken_ = 0;
-  std::mutex mutex_;        // guards error_
+  std::mutex mutex_;        // guards the next two
   std::string error_;       // of the last file or the folder; empty if the last file was published
+  std::string awaited_;     // by the first file in line; empty if none waits
   ::ros::WallTimer timer_;  // last: its callback uses all of the above
 };
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -91,29 +92,70 @@ TEST_F(Case, ATransformNeedsTargetsWhosePlaceInTheCtMayBeUnknown) {
                  {"ct.csv", "points, must have as many as"});
 }
 
-/// The landmarks of one file with two of them exchanged.
-TEST_F(Case, LandmarksInAnotherOrderAreNamed) {
-  std::vector<Eigen::Vector3d> ct = read_points_mm(path("ct.csv"));
-  std::size_t far = 1;
-  for (std::size_t i = 2; i < ct.size(); ++i)
-    if ((ct[i] - ct[0]).norm() > (ct[far] - ct[0]).norm()) far = i;
-  const std::vector<Eigen::Vector3d> us = read_points_mm(path("us.csv"));
-  // Few points, so that two of them are enough to move the truth.
-  std::vector<Eigen::Vector3d> few_ct{ct[far], ct[0]};
-  std::vector<Eigen::Vector3d> few_us{us[0], us[far]};
-  for (std::size_t i = 1; i < ct.size() && few_ct.size() < 6; i += ct.size() / 6)
-    if (i != far) {
-      few_ct.push_back(ct[i]);
-      few_us.push_back(us[i]);
+/// Points at a few mm from the middle of the landmarks, so that any order fits to a few mm; and
+/// where they lie in the ultrasound.
+class CaseOfCloseLandmarks : public Case {
+ protected:
+  CaseOfCloseLandmarks() {
+    const Eigen::Isometry3d T_us_ct = read_study_case(path("phantom")).T_us_ct_true;
+    const Eigen::Vector3d middle_mm = read_study_case(path("phantom")).centre_ct_mm();
+    for (const Eigen::Vector3d& offset : {Eigen::Vector3d(8, 0, 0),
+                                          {-3, 1, 0},
+                                          {0, 9, 1},
+                                          {1, -2, 5},
+                                          {0, 0, -4},
+                                          Eigen::Vector3d(5, 5, 5),
+                                          {-6, 2, 3},
+                                          {2, -5, -3},
+                                          {-1, 4, -6}}) {
+      ct_.push_back(middle_mm + offset);
+      us_.push_back(T_us_ct * ct_.back());
     }
-  write_points_mm(few_ct, path("few_ct.csv"));
-  write_points_mm(few_us, path("few_us.csv"));
-  const Outcome outcome =
-      make("exchanged", {"--landmarks", path("few_ct.csv"), path("few_us.csv")});
-  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
-  for (const char* part : {"warning", "few_ct.csv and", "few_us.csv do not fit each other",
-                           "with points 1 and 2 of one file exchanged it would be 0.00 mm"})
-    EXPECT_NE(outcome.errors.find(part), std::string::npos) << part << "\n" << outcome.errors;
+  }
+  /// The errors of making a case of the points in ct_ and us_.
+  std::string warned_of() const {
+    static int count = 0;
+    const std::string number = std::to_string(++count);
+    write_points_mm(ct_, path(number + "_ct.csv"));
+    write_points_mm(us_, path(number + "_us.csv"));
+    const Outcome outcome = make(
+        "close_" + number, {"--landmarks", path(number + "_ct.csv"), path(number + "_us.csv")});
+    EXPECT_EQ(outcome.exit_status, 0) << outcome.errors;
+    return outcome.errors;
+  }
+  std::vector<Eigen::Vector3d> ct_, us_;
+};
+
+TEST_F(CaseOfCloseLandmarks, TheRightOrderIsNotWarnedOf) { EXPECT_EQ(warned_of(), ""); }
+
+TEST_F(CaseOfCloseLandmarks, AnotherOrderOfFewIsNamed) {
+  ct_.resize(4);
+  us_.resize(4);
+  std::reverse(ct_.begin(), ct_.end());
+  const std::string warning = warned_of();
+  EXPECT_NE(warning.find("do not fit each other (FRE "), std::string::npos) << warning;
+  EXPECT_NE(warning.find("with the points of the CT in the order 4, 3, 2, 1 it would be 0.00 mm"),
+            std::string::npos)
+      << warning;
+}
+
+TEST_F(CaseOfCloseLandmarks, AnExchangeInManyIsNamed) {
+  std::swap(ct_[2], ct_[7]);
+  const std::string warning = warned_of();
+  EXPECT_NE(warning.find("with points 3 and 8 of one file exchanged it would be 0.00 mm"),
+            std::string::npos)
+      << warning;
+}
+
+/// A point that was marked at the wrong place fits in no order.
+TEST_F(CaseOfCloseLandmarks, AWrongPointIsWarnedOf) {
+  ct_.resize(4);
+  us_.resize(4);
+  ct_[0].x() += 40.0;
+  const std::string warning = warned_of();
+  EXPECT_NE(warning.find("do not fit each other (FRE "), std::string::npos) << warning;
+  EXPECT_NE(warning.find("): check that both files have the same points"), std::string::npos)
+      << warning;
 }
 
 TEST_F(Case, PointsOfOtherAxesAreRefused) {

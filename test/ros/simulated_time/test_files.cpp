@@ -27,12 +27,17 @@ class FilesBeforeTimeBegins : public testing::Test {
     write_prescan_nrrd(test::sweep_of(how, 2), file_);
   }
 
-  void expect_a_volume_once_time_has_begun(const std::string& space,
-                                           const std::vector<std::string>& parameters) {
+  static std::vector<std::string> with_parameters(const std::string& space,
+                                                  const std::vector<std::string>& parameters) {
     std::vector<std::string> arguments{"__ns:=" + space, "_file_stamp:=reading",
                                        "_diagnostic_period:=0.05"};
     arguments.insert(arguments.end(), parameters.begin(), parameters.end());
-    const Process process("us_ingest", arguments);
+    return arguments;
+  }
+
+  void expect_a_volume_once_time_has_begun(const std::string& space,
+                                           const std::vector<std::string>& parameters) {
+    const Process process("us_ingest", with_parameters(space, parameters));
     const Inbox<msg::PreScanVolume> volumes(node_, space + "/us/volume");
     ASSERT_TRUE(wait_for_diagnostics(diagnostics_, space, DiagnosticStatus::WARN, "/clock"));
     ASSERT_TRUE(volumes.wait_for_publisher());
@@ -44,6 +49,27 @@ class FilesBeforeTimeBegins : public testing::Test {
         wait_for_diagnostics(diagnostics_, space, DiagnosticStatus::OK, "volumes published"));
   }
 
+  /// Simulators begin at 0, where the first frames of the sweep would lie before it.
+  void expect_a_volume_once_all_frames_are_past(const std::string& space,
+                                                const std::vector<std::string>& parameters) {
+    const Process process("us_ingest", with_parameters(space, parameters));
+    const Inbox<msg::PreScanVolume> volumes(node_, space + "/us/volume");
+    clock_.set(::ros::Time(0.5));
+    ASSERT_TRUE(wait_for_diagnostics(diagnostics_, space, DiagnosticStatus::WARN, "at 0.500 s"));
+    EXPECT_TRUE(volumes.all().empty());
+    clock_.set(::ros::Time(2.0));
+    ASSERT_TRUE(volumes.wait(1));
+    EXPECT_EQ(volumes.all()[0]->header.stamp, ::ros::Time(2.0));
+    EXPECT_TRUE(
+        wait_for_diagnostics(diagnostics_, space, DiagnosticStatus::OK, "volumes published"));
+  }
+
+  std::vector<std::string> of_file() const { return {"_source:=file", "_path:=" + file_.string()}; }
+  std::vector<std::string> of_folder() const {
+    return {"_source:=folder", "_path:=" + folder_.path().string(), "_folder_existing:=true",
+            "_folder_settle:=0.0"};
+  }
+
   ::ros::NodeHandle node_;
   const test::TemporaryFolder folder_;
   const std::filesystem::path file_ = folder_.path() / "us.nrrd";
@@ -52,25 +78,19 @@ class FilesBeforeTimeBegins : public testing::Test {
 };
 
 TEST_F(FilesBeforeTimeBegins, AFileWaitsForTheTime) {
-  expect_a_volume_once_time_has_begun("file", {"_source:=file", "_path:=" + file_.string()});
+  expect_a_volume_once_time_has_begun("file", of_file());
 }
 
 TEST_F(FilesBeforeTimeBegins, AWatchedFolderWaitsForTheTime) {
-  expect_a_volume_once_time_has_begun(
-      "folder", {"_source:=folder", "_path:=" + folder_.path().string(), "_folder_existing:=true",
-                 "_folder_settle:=0.0"});
+  expect_a_volume_once_time_has_begun("folder", of_folder());
 }
 
-/// Simulators begin at 0, where the first frames of the sweep would lie before it.
 TEST_F(FilesBeforeTimeBegins, AFileWaitsUntilTheTimeReachesAllItsFrames) {
-  const Process process("us_ingest", {"__ns:=from_0", "_file_stamp:=reading", "_source:=file",
-                                      "_path:=" + file_.string(), "_diagnostic_period:=0.05"});
-  const Inbox<msg::PreScanVolume> volumes(node_, "from_0/us/volume");
-  clock_.set(::ros::Time(0.5));
-  ASSERT_TRUE(wait_for_diagnostics(diagnostics_, "from_0", DiagnosticStatus::WARN, "at 0.500 s"));
-  clock_.set(::ros::Time(2.0));
-  ASSERT_TRUE(volumes.wait(1));
-  EXPECT_EQ(volumes.all()[0]->header.stamp, ::ros::Time(2.0));
+  expect_a_volume_once_all_frames_are_past("file_from_0", of_file());
+}
+
+TEST_F(FilesBeforeTimeBegins, AWatchedFolderWaitsUntilTheTimeReachesAllFrames) {
+  expect_a_volume_once_all_frames_are_past("folder_from_0", of_folder());
 }
 
 }  // namespace
