@@ -99,6 +99,26 @@ TEST(RightProbability, NothingMakesUpForBlocksThatDoNotAgree) {
   EXPECT_GT(right_probability(measures)->all(), 0.9);
 }
 
+/// The right pose in a CT of low contrast, as it was measured: noise lets its blocks agree little,
+/// and those of its mirror images hardly at all.
+TEST(RightProbability, BlocksThatAgreeLittleButMoreThanThoseOfMirrorImagesSpeakForThePose) {
+  Measures measures = strong_measures();
+  measures.mirror_ratio = 4.12;
+  measures.mirror_advantage = 7.14;
+  measures.rival_ratio = 3.34;
+  measures.local_agreement = 0.16;
+  measures.tissue_motion_mm = 1.62;
+  EXPECT_LT(right_probability(measures)->all(), 0.5);
+  measures.mirror_agreement = 0.01;
+  EXPECT_GT(right_probability(measures)->all(), 0.9);
+  measures.mirror_agreement = 0.15;
+  EXPECT_LT(right_probability(measures)->all(), 0.5);
+  // Blocks of another patient's kidney would rather lie elsewhere.
+  measures.mirror_agreement = 0.01;
+  measures.tissue_motion_mm = 3.8;
+  EXPECT_LT(right_probability(measures)->all(), 0.1);
+}
+
 /// Of two poses whose blocks agree equally well, that one is right whose tissue need not have moved
 /// and which stands out from its mirror images.
 TEST(RightProbability, BlocksThatAgreeHalfwayNeedOtherEvidence) {
