@@ -12,7 +12,7 @@
 namespace usct {
 
 class PackedCt;
-class SimilarityBackend;
+struct SimilarityBackend;
 struct UltrasoundPatches;
 
 /// A CT made for fast sampling: limited to the window and kept in 8 bits. `background_hu` is the CT
