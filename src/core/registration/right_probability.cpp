@@ -29,8 +29,8 @@ constexpr double kTornPerMm = 2.0;
 
 /// Blocks that agree less than this speak against the pose, whatever else is known, and the log
 /// odds fall by kPerTooLittleAgreement times what is missing. Only what blocks of mirror images
-/// reach says more: noise and a low contrast let blocks agree little at the right pose (0.16 to
-/// 0.22 in kidneys of a real CT), but those of mirror images then agree as little as chance gives.
+/// reach says more: noise and a low contrast let blocks agree little at the right pose (0.12 to
+/// 0.24 in kidneys of a real CT), but those of mirror images then agree as little as chance gives.
 constexpr double kLeastAgreement = 0.24;
 constexpr double kPerTooLittleAgreement = 30.0;
 
