@@ -6,6 +6,8 @@
   demo_client.py go_on /PLAYER           lets rosbag play, started with --pause and __name:=PLAYER, go on once all who
                                          listen are connected: what it plays before that reaches nobody
   demo_client.py acquired [SECONDS]      waits for an ultrasound volume, with a stamp after SECONDS
+  demo_client.py next_loop /PLAYER       lets rosbag play -l go on to its next loop, and pauses it once the ultrasound
+                                         volume of that loop is there
   demo_client.py initial INFO.json       tells the registration where to start; INFO: usct info --json
   demo_client.py found FOUND.tfm         writes the transform of the newest result
   demo_client.py result RESULT.json      writes the newest result, for usct slices; ends with status 3 if it was refused
@@ -29,11 +31,13 @@ import tf2_ros
 import yaml
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from us_ct_registration.msg import Alignment, CtInfo, PreScanVolume, RegistrationResult, StatusCode
+from std_srvs.srv import SetBool
 from us_ct_registration.srv import SetInitialAlignment, SetInitialAlignmentRequest
 
 LIMIT_S = 120.0
 MM_PER_M = 1000.0
 WORST_MEAN_MM = 2.0
+PAUSED_AFTER_S = 1.0
 
 
 def quaternion_of(rotation):
@@ -110,6 +114,31 @@ def acquired(after_s="0"):
     volume = first("/us/volume", PreScanVolume, lambda message: message.header.stamp.to_sec() > float(after_s))
     print(f"ultrasound: {volume.samples} x {volume.lines} x {volume.frames}, acquired at "
           f"{volume.header.stamp.to_sec():.3f} in '{volume.header.frame_id}'")
+
+
+def next_loop(player):
+    """The player pauses PAUSED_AFTER_S after the sweep. On a busy machine it may already play the loop after that."""
+    pause = rospy.ServiceProxy(f"{player}/pause_playback", SetBool)
+    pause.wait_for_service(LIMIT_S)
+    volumes = []
+    rospy.Subscriber("/us/volume", PreScanVolume, volumes.append)
+    first("/us/volume", PreScanVolume)  # latched: that of the loop before
+    end = time.monotonic() + LIMIT_S
+    pause(False)
+    last_s, is_next = rospy.get_time(), False
+    while time.monotonic() < end:
+        now_s = rospy.get_time()
+        if now_s < last_s:
+            volumes.clear()
+            is_next = True
+        last_s = now_s
+        if is_next and volumes and now_s > volumes[-1].header.stamp.to_sec() + PAUSED_AFTER_S:
+            pause(True)
+            if rospy.get_time() >= now_s:
+                return
+            pause(False)
+        time.sleep(0.02)
+    sys.exit(f"waited {LIMIT_S:.0f} s for the next loop of '{player}'")
 
 
 def initial(info_path):
@@ -225,8 +254,8 @@ def restored():
 
 
 def main():
-    tasks = {"segment": segment, "ready": ready, "go_on": ros_graph.go_on, "acquired": acquired, "initial": initial,
-             "found": found, "result": result, "ct_in_tf": ct_in_tf, "no_ct_in_tf": no_ct_in_tf,
+    tasks = {"segment": segment, "ready": ready, "go_on": ros_graph.go_on, "acquired": acquired, "next_loop": next_loop,
+             "initial": initial, "found": found, "result": result, "ct_in_tf": ct_in_tf, "no_ct_in_tf": no_ct_in_tf,
              "moved_away": moved_away, "restored": restored}
     if len(sys.argv) < 2 or sys.argv[1] not in tasks:
         sys.exit(__doc__)

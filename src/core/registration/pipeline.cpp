@@ -46,7 +46,6 @@ Outcome<Registration> registered(const RegistrationInput& input, const Lead* lea
 Outcome<Registration> registered_without(const AcquisitionErrors& errors,
                                          const RegistrationInput& input, const Lead* lead,
                                          Run& run) {
-  if (!errors.any()) return registered(input, lead, run);
   const BeamUltrasound& recorded = input.ultrasound;
   const BeamUltrasound corrected{with_sweep(recorded.beams, errors), recorded.brightness,
                                  recorded.known};
@@ -60,28 +59,38 @@ Registration corrected_by(const AcquisitionErrors& errors, Registration registra
   return registration;
 }
 
+/// Whether a correction of the sweep holds: the pose is accepted with it, and the images no longer
+/// show a wrong sweep.
+bool is_confirmed(const Outcome<Registration>& corrected) {
+  return is_accepted(corrected) && !shown_errors(corrected->result.measures).has_wrong_sweep();
+}
+
 /// The registration of ultrasound with its frames where its images show that they lie, if that is
-/// elsewhere than recorded. A lead tells it at once, unless the motor now moves otherwise: on its
-/// way back the slow side is the other one. Where the pose on corrected ultrasound is not accepted,
-/// the result is that of the ultrasound as it was before.
+/// elsewhere than recorded. Where the images do not confirm that, the result is that of the
+/// ultrasound as it was recorded.
 Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, const Lead* lead,
                                                 Run& run) {
-  const AcquisitionErrors known = lead == nullptr ? AcquisitionErrors{} : lead->trail.corrected;
-  const Outcome<Registration> found = registered_without(known, input, lead, run);
-  if (known.any() && !is_accepted(found)) return registered_on_shown_sweep(input, nullptr, run);
+  // A lead tells the errors at once, unless the motor now moves otherwise: on its way back the slow
+  // side is the other one.
+  if (lead != nullptr && lead->trail.corrected.any()) {
+    const AcquisitionErrors& known = lead->trail.corrected;
+    const Outcome<Registration> found = registered_without(known, input, lead, run);
+    if (is_confirmed(found)) return corrected_by(known, *found);
+    return registered_on_shown_sweep(input, nullptr, run);
+  }
+  const Outcome<Registration> found = registered(input, lead, run);
   if (!found) return found.refusal();
   const ShownErrors shown = shown_errors(found->result.measures);
   if (!input.options.correct_sweep || !shown.has_wrong_sweep() || !shown.are_of_sweep_alone())
-    return corrected_by(known, *found);
-  const AcquisitionErrors errors{0.0, known.sweep + shown.errors.sweep,
-                                 known.unevenness + shown.errors.unevenness};
+    return *found;
+  const AcquisitionErrors errors{0.0, shown.errors.sweep, shown.errors.unevenness};
   // A pose that is right but for the sweep is found in the first round of its registration.
   RegistrationOptions in_one_round = input.options;
   in_one_round.search.rounds = 1;
   const Outcome<Registration> again = registered_without(
       errors, {input.ultrasound, input.ct, input.T_us_ct_initial, in_one_round}, nullptr, run);
-  if (is_accepted(again)) return corrected_by(errors, *again);
-  return corrected_by(known, *found);
+  if (is_confirmed(again)) return corrected_by(errors, *again);
+  return *found;
 }
 
 }  // namespace

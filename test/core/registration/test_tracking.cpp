@@ -74,26 +74,27 @@ TEST_F(Tracking, ACorrectedSweepStaysCorrected) {
   EXPECT_NE(second.message.find("the frames were taken to lie"), std::string::npos);
 }
 
-/// The motor is slow on the other side on its way back.
-TEST_F(Tracking, ASweepThatWasCorrectedMayBeWrongOtherwiseNext) {
-  const auto there_and_back = [&](double slow) {
+/// The motor is slow on the other side on its way back. With the correction of its way there the
+/// images would still show a pose, up to 5 mm beside the right one.
+TEST_F(Tracking, ACorrectionThatNoLongerHoldsIsDropped) {
+  const RegistrationCase there = slow_on_one_side(1.25, 1.0);
+  for (const double slow : {1.2, 1.5}) {
     tracker_.forget();
-    const RegistrationCase there = slow_on_one_side(slow, 1.0);
-    const RegistrationCase back = slow_on_one_side(1.0, slow);
     const RegistrationResult first = next(there.us, nearby(there));
     ASSERT_TRUE(first.T_us_ct) << first.message;
+    EXPECT_NE(first.message.find("the frames were taken to lie"), std::string::npos);
+    const RegistrationCase back = slow_on_one_side(1.0, slow);
     const RegistrationResult second = next(back.us, *first.T_us_ct);
-    ASSERT_TRUE(second.T_us_ct) << second.message;
-    EXPECT_LT(back.error_mm(*second.T_us_ct), 2.0);
-    EXPECT_LT(*second.measures.sweep_unevenness, -0.02);
-    // Of the slower motor it depends on the last digits, and so on the processor, whether the first
-    // one is corrected; if it is, nothing is accepted with that correction.
-    if (slow < 1.4) {
-      EXPECT_NE(first.message.find("the frames were taken to lie"), std::string::npos);
+    tracker_.forget();
+    const RegistrationResult alone = next(back.us, *first.T_us_ct);
+    EXPECT_EQ(second.status, alone.status) << slow;
+    ASSERT_EQ(second.T_us_ct.has_value(), alone.T_us_ct.has_value()) << slow;
+    if (second.T_us_ct) {
+      EXPECT_EQ(second.T_us_ct->matrix(), alone.T_us_ct->matrix()) << slow;
+      EXPECT_LT(back.error_mm(*second.T_us_ct), *second.measures.error_bound_mm) << slow;
     }
-  };
-  there_and_back(1.2);
-  there_and_back(1.45);
+    EXPECT_LT(*second.measures.sweep_unevenness, -0.02) << slow;
+  }
 }
 
 TEST_F(Tracking, WhatMovedTooFarIsSearchedFor) {
