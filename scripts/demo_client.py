@@ -30,8 +30,8 @@ import rospy
 import tf2_ros
 import yaml
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from us_ct_registration.msg import Alignment, CtInfo, PreScanVolume, RegistrationResult, StatusCode
 from std_srvs.srv import SetBool
+from us_ct_registration.msg import Alignment, CtInfo, PreScanVolume, RegistrationResult, StatusCode
 from us_ct_registration.srv import SetInitialAlignment, SetInitialAlignmentRequest
 
 LIMIT_S = 120.0
