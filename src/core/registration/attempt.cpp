@@ -68,43 +68,6 @@ Outcome<Attempt::Judged> Attempt::judge_beside_more(Assessor& assessor,
   return judge_refined(assessor, optima, compared(assessor, optima), refined);
 }
 
-std::optional<Candidate> Attempt::wished_optimum(const Judged& judged) {
-  constexpr double kLeastMm = 1.0;
-  const std::optional<Eigen::Isometry3d>& wished_motion = judged.assessment.wished_motion;
-  if (!plan_.gathers_own() || !wished_motion) return std::nullopt;
-  const Eigen::Isometry3d& T_us_ct = judged.refined.T_us_ct;
-  const Eigen::Isometry3d T_wished = *wished_motion * T_us_ct;
-  if (!problem_.field.are_apart(T_wished, T_us_ct, kLeastMm)) return std::nullopt;
-  const Candidate reached = run_.timed("search", [&] {
-    return optimum_near(problem_, T_wished, in_.options.confidence.rival_mm, run_);
-  });
-  if (!reached.has_value() || !problem_.field.are_apart(reached.T_us_ct, T_us_ct, kLeastMm))
-    return std::nullopt;
-  return reached;
-}
-
-void Attempt::follow_blocks(Assessor& assessor, std::vector<Candidate>& optima, Judged& best,
-                            int rounds) {
-  constexpr int kMostSteps = 3;
-  for (int step = 0; step < kMostSteps && best.failure; ++step) {
-    const std::optional<Candidate> optimum = wished_optimum(best);
-    if (!optimum) return;
-    const Outcome<Candidate> refined = refine(images_, in_.ct, *optimum, in_.options, run_);
-    if (!refined) return;
-    std::vector<Candidate> followed = headed_by(*optimum, optima, problem_);
-    Outcome<Judged> judged =
-        judge_refined(assessor, followed, compared(assessor, followed), *refined);
-    if (!judged ||
-        !(judged->assessment.measures.local_agreement > best.assessment.measures.local_agreement))
-      return;
-    // The decoys have not climbed from there yet.
-    if (!judged->failure) judged = judge_beside_more(assessor, followed, *refined, rounds);
-    if (!judged) return;
-    best = *judged;
-    optima = std::move(followed);
-  }
-}
-
 bool Attempt::is_believed(const Judged& judged) const {
   return !judged.failure && !plan_.goes_on_as_patient(judged.assessment.measures);
 }
@@ -150,9 +113,8 @@ Outcome<Registration> Attempt::search() {
     if (!is_last && T_refused && T_refused->isApprox(T_best, 0.0)) continue;
     const Assessment compared = this->compared(assessor, optima);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
-    Outcome<Judged> best = refine_and_judge(assessor, optima, compared, round + 1);
+    const Outcome<Judged> best = refine_and_judge(assessor, optima, compared, round + 1);
     if (!best) return best.refusal();
-    follow_blocks(assessor, optima, *best, round + 1);
     run_.report(0.2 + 0.8 * (round + 1) / rounds);
     if (is_last || !best->failure || !may_be_missed(best->assessment.measures))
       return ended(assessor, optima, *best);
