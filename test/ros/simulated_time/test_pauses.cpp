@@ -74,6 +74,9 @@ class ReplayedSweep : public testing::Test {
     const ::ros::Publisher publisher = node_.advertise<Message>(space + topic, 100);
     ASSERT_TRUE(eventually([&] { return publisher.getNumSubscribers() == 1; }));
     ASSERT_TRUE(volumes.wait_for_publisher());
+    // A frame that overtakes the first time is refused, for its stamp lies ahead.
+    clock_.set(kStart);
+    ASSERT_TRUE(eventually([&] { return knows_time(space); }));
     const auto play = [&](int from, int to) {
       for (int i = from; i < to; ++i) {
         clock_.set(stamp_of(i));
@@ -94,6 +97,14 @@ class ReplayedSweep : public testing::Test {
     EXPECT_TRUE(eventually([&] { return is_recording(space, "no"); }));
   }
 
+  /// Whether the time has begun for the node, which stamps its diagnostics with it.
+  bool knows_time(const std::string& space) const {
+    for (const auto& message : diagnostics_.all())
+      for (const auto& status : message->status)
+        if (status.name.find(space) != std::string::npos && message->header.stamp >= kStart)
+          return true;
+    return false;
+  }
   /// Whether the node's last diagnostics say so of the sweep that is recorded.
   bool is_recording(const std::string& space, const std::string& text) const {
     bool is_told = false;
