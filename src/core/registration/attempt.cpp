@@ -1,10 +1,20 @@
 #include "registration/attempt.h"
 
+#include <algorithm>
+
 #include "registration/evidence/doubts.h"
 #include "registration/search/refinement.h"
 #include "registration/verdict.h"
 
 namespace usct::registration {
+namespace {
+
+bool contains(const std::vector<Eigen::Isometry3d>& poses, const Eigen::Isometry3d& pose) {
+  return std::any_of(poses.begin(), poses.end(),
+                     [&](const Eigen::Isometry3d& other) { return other.isApprox(pose, 0.0); });
+}
+
+}  // namespace
 
 Attempt::Attempt(const RegistrationInput& input, const ImagePyramid& images, Run& run)
     : in_(input),
@@ -68,6 +78,46 @@ Outcome<Attempt::Judged> Attempt::judge_beside_more(Assessor& assessor,
   return judge_refined(assessor, optima, compared(assessor, optima), refined);
 }
 
+bool Attempt::is_another_pose(const Eigen::Isometry3d& T_us_ct, const Judged& judged) const {
+  constexpr double kLeastMm = 1.0;
+  return problem_.field.are_apart(T_us_ct, judged.refined.T_us_ct, kLeastMm);
+}
+
+std::optional<Candidate> Attempt::wished_optimum(const Judged& judged) {
+  const Assessment& assessment = judged.assessment;
+  if (!plan_.gathers_own() || !assessment.wished_motion || !may_be_near(assessment.measures))
+    return std::nullopt;
+  const Eigen::Isometry3d T_wished = *assessment.wished_motion * judged.refined.T_us_ct;
+  if (!is_another_pose(T_wished, judged)) return std::nullopt;
+  const Candidate reached = run_.timed("search", [&] {
+    return optimum_near(problem_, T_wished, in_.options.confidence.rival_mm, run_);
+  });
+  if (!reached.has_value() || !is_another_pose(reached.T_us_ct, judged)) return std::nullopt;
+  return reached;
+}
+
+void Attempt::follow_blocks(Assessor& assessor, std::vector<Candidate>& optima, Judged& best,
+                            int rounds) {
+  constexpr int kMostSteps = 3;
+  for (int step = 0; step < kMostSteps && best.failure; ++step) {
+    const std::optional<Candidate> optimum = wished_optimum(best);
+    if (!optimum) return;
+    const Outcome<Candidate> refined = refine(images_, in_.ct, *optimum, in_.options, run_);
+    if (!refined || !is_another_pose(refined->T_us_ct, best)) return;
+    std::vector<Candidate> followed = headed_by(*optimum, optima, problem_);
+    Outcome<Judged> judged =
+        judge_refined(assessor, followed, compared(assessor, followed), *refined);
+    if (!judged ||
+        !(judged->assessment.measures.local_agreement > best.assessment.measures.local_agreement))
+      return;
+    // The decoys have not climbed from there yet.
+    if (!judged->failure) judged = judge_beside_more(assessor, followed, *refined, rounds);
+    if (!judged) return;
+    best = *judged;
+    optima = std::move(followed);
+  }
+}
+
 bool Attempt::is_believed(const Judged& judged) const {
   return !judged.failure && !plan_.goes_on_as_patient(judged.assessment.measures);
 }
@@ -100,7 +150,7 @@ Outcome<Registration> Attempt::search() {
   const int rounds = in_.options.search.rounds;
   Assessor assessor = this->assessor();
   std::vector<Candidate> optima;
-  std::optional<Eigen::Isometry3d> T_refused;
+  std::vector<Eigen::Isometry3d> refused;
   for (int round = 0;; ++round) {
     optima = searched(round, std::move(optima));
     if (optima.empty())
@@ -109,16 +159,18 @@ Outcome<Registration> Attempt::search() {
     run_.report(0.2 + 0.8 * (round + 0.5) / rounds);
     const bool is_last = round + 1 == rounds;
     const Eigen::Isometry3d T_best = optima.front().T_us_ct;
+    const bool was_refused = contains(refused, T_best);
     // Judged again, it would be refused again.
-    if (!is_last && T_refused && T_refused->isApprox(T_best, 0.0)) continue;
+    if (!is_last && was_refused) continue;
     const Assessment compared = this->compared(assessor, optima);
     if (!is_last && !assessor.parts_could_save(compared)) continue;
-    const Outcome<Judged> best = refine_and_judge(assessor, optima, compared, round + 1);
+    Outcome<Judged> best = refine_and_judge(assessor, optima, compared, round + 1);
     if (!best) return best.refusal();
+    if (!was_refused) follow_blocks(assessor, optima, *best, round + 1);
+    refused.insert(refused.end(), {T_best, optima.front().T_us_ct});
     run_.report(0.2 + 0.8 * (round + 1) / rounds);
     if (is_last || !best->failure || !may_be_missed(best->assessment.measures))
       return ended(assessor, optima, *best);
-    T_refused = T_best;
   }
 }
 

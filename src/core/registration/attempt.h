@@ -55,6 +55,13 @@ class Attempt {
   /// The same beside decoys of so many rounds at least, which climb from the pose too.
   Outcome<Judged> judge_beside_more(Assessor& assessor, const std::vector<Candidate>& optima,
                                     const Candidate& refined, int rounds);
+  /// As long as the pose is refused, goes on to where blocks of the field would rather lie
+  /// together, if they agree more there; so many rounds have found `optima`. Climbs of the whole
+  /// field end at a wrong optimum near the right pose, which blocks by themselves still see.
+  void follow_blocks(Assessor& assessor, std::vector<Candidate>& optima, Judged& best, int rounds);
+  /// The optimum that is climbed to from there, if it is another pose.
+  std::optional<Candidate> wished_optimum(const Judged& judged);
+  bool is_another_pose(const Eigen::Isometry3d& T_us_ct, const Judged& judged) const;
   /// Whether it passes the gates, and the registration does not go on as `patient` for it.
   bool is_believed(const Judged& judged) const;
   Registration ended(const Assessor& assessor, const std::vector<Candidate>& optima,

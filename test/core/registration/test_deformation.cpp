@@ -14,6 +14,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using registration::deformation_mm;
 using registration::PeakFinder;
+using registration::rigid_motion;
 using registration::TissueRegion;
 using registration::Wish;
 
@@ -70,6 +71,48 @@ std::vector<Vector3d> random_places() {
     places.push_back(kAll.centre_us_mm +
                      Vector3d(uniform(-40, 40), uniform(-40, 40), uniform(-40, 40)));
   return places;
+}
+
+/// The wishes of tissue that has moved as a whole.
+std::vector<Wish> moved_by(const Eigen::Isometry3d& motion, const std::vector<Vector3d>& places) {
+  std::vector<Wish> wishes;
+  for (const Vector3d& place : places)
+    wishes.push_back({place, motion * place - place, uniform(0.1, 1.0)});
+  return wishes;
+}
+
+Eigen::Isometry3d small_motion(const Vector3d& about_mm) {
+  const Vector3d axis = Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(0.1, 1)).normalized();
+  const Vector3d shift_mm(uniform(-4, 4), uniform(-4, 4), uniform(-4, 4));
+  return Eigen::Translation3d(about_mm + shift_mm) * Eigen::AngleAxisd(uniform(-0.05, 0.05), axis) *
+         Eigen::Translation3d(-about_mm);
+}
+
+/// To first order in the angle: 0.05 rad at up to 70 mm leave 0.05^2 / 2 * 70 mm.
+RC_GTEST_PROP(RigidMotion, IsThatOfTissueThatHasMovedAsAWhole, ()) {
+  const std::vector<Vector3d> places = random_places();
+  const Eigen::Isometry3d motion = small_motion(kAll.centre_us_mm);
+  const Eigen::Isometry3d found = rigid_motion(moved_by(motion, places));
+  for (const Vector3d& place : places) RC_ASSERT((found * place - motion * place).norm() < 0.1);
+}
+
+/// Wishes that have nothing to do with each other do not add up.
+RC_GTEST_PROP(RigidMotion, IsNoneWherePlacesWishOppositeMotions, ()) {
+  std::vector<Wish> wishes;
+  for (const Vector3d& place : random_places())
+    for (const double sign : {-1.0, 1.0})
+      wishes.push_back({place, sign * Vector3d(3.0, -2.0, 1.0), 1.0});
+  RC_ASSERT(rigid_motion(wishes).isApprox(Eigen::Isometry3d::Identity(), 1e-9));
+}
+
+TEST(RigidMotion, OfOnePlaceIsAShiftAndOfNoneIsNone) {
+  const Vector3d place(5.0, 70.0, -3.0);
+  const Vector3d shift(3.0, -2.0, 1.0);
+  const Eigen::Isometry3d found = rigid_motion({{place, shift, 0.5}});
+  EXPECT_TRUE(found.linear().isIdentity(1e-12));
+  EXPECT_LT((found.translation() - shift).norm(), 1e-9);
+  EXPECT_TRUE(rigid_motion({}).isApprox(Eigen::Isometry3d::Identity(), 0.0));
+  EXPECT_TRUE(rigid_motion({{place, shift, 0.0}}).isApprox(Eigen::Isometry3d::Identity(), 0.0));
 }
 
 /// The cubes of a short sweep lie in one layer across its frames. A stretch of that, a shift and a

@@ -10,6 +10,7 @@ using registration::if_no_mirror_agrees;
 using registration::if_parts_agree;
 using registration::is_beyond_doubt;
 using registration::may_be_in_mirrored_ct;
+using registration::may_be_near;
 
 constexpr double kPresetLimit = 0.3;
 
@@ -52,6 +53,13 @@ TEST(MirroredCt, IsSearchedForWhereAMirrorImageFitsAlmostAsWell) {
 TEST(MirroredCt, IsSearchedForWhereTheFieldLacksASide) {
   EXPECT_TRUE(is_beyond_doubt(measures(0.022, 0.474, 1.645), kPresetLimit));
   EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.474, 1.645), true, kPresetLimit));
+}
+
+/// Mirrored ultrasound that fits better than the pose shows that the right one is far.
+TEST(NearTheRightPose, UnlessAMirrorImageFitsBetter) {
+  EXPECT_TRUE(may_be_near(measures(1.0, 0.05, 1.0)));
+  EXPECT_FALSE(may_be_near(measures(0.4, 0.3, 0.99)));
+  EXPECT_TRUE(may_be_near({}));
 }
 
 TEST(BeyondDoubt, NotWithoutEvidence) {

@@ -60,6 +60,8 @@ TEST(LocalAgreement, TissueThatMovesWithItsNeighboursAgreesByHalf) {
   EXPECT_NEAR(moved.share, 0.5 * (share_off_a_corner() + 1.0) - by_chance(6), 1e-9);
   EXPECT_NEAR(moved.tissue_motion_mm, kCornerMm.norm(), 1e-9);
   EXPECT_NEAR(moved.deformation_mm, kCornerMm.norm(), 0.2 * kCornerMm.norm());
+  EXPECT_LT((moved.wished_motion.translation() - kCornerMm).norm(), 0.2 * kCornerMm.norm());
+  EXPECT_LT(Eigen::AngleAxisd(moved.wished_motion.linear()).angle(), 1e-9);
 }
 
 /// A motion of less than half a step is nearer to none than to any translation that is offered.

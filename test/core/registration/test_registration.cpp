@@ -171,6 +171,18 @@ TEST(Registration, EvidenceIsThatOfThePoseToWhichTheRefinementLeads) {
   EXPECT_NEAR(*result.measures.displacement_mm, Eigen::Vector3d(4, 2, 3).norm(), kGoodMm);
 }
 
+// Neither search nor refinement moves the pose: blocks of the field alone see where they would
+// rather lie.
+TEST(Registration, ARefusedPoseGoesOnToWhereItsBlocksWouldRatherLie) {
+  RegistrationOptions options = quick_options("refinement: none\nconfidence: {evidence: own}");
+  options.search.starts.reset();
+  for (LevelOptions& level : options.search.levels) level.optimizer.max_evaluations = 1;
+  const Isometry3d initial = beside_truth(agar_case(), {3, -2, 2}, {4, 2, 3});
+  const RegistrationResult result = registered(agar_case(), initial, options);
+  ASSERT_GT(agar_case().error_mm(initial), 5.0);
+  EXPECT_LT(agar_case().error_mm(result.candidates.at(0).T_us_ct), 2.0 * kGoodMm) << result.message;
+}
+
 TEST(Registration, SeedMattersToCmaEsOnly) {
   for (const OptimizerMethod method : {OptimizerMethod::kBobyqa, OptimizerMethod::kCmaEs}) {
     RegistrationOptions options = with_method(method);

@@ -179,8 +179,8 @@ TEST_F(Register, WithoutAnInitialPoseTheMiddlesMeetInTheGivenDirection) {
   only_start.search.starts.reset();
   only_start.search.rounds = 1;
   only_start.refinement.reset();
-  // Else it would go on to search as `patient`.
-  only_start.confidence.evidence = EvidenceSource::kOwn;
+  // Else it would go on to search as `patient`, or to where blocks of the field would rather lie.
+  only_start.confidence.gates.max_wrong_probability.reset();
   std::ofstream(path("start.yaml")) << registration_options_yaml(only_start);
   const auto pose = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"--options", path("start.yaml")};

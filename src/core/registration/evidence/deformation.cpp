@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace usct::registration {
@@ -34,27 +35,56 @@ Vector3d stretched_by(const Vector3d& place_mm, const TissueRegion& region) {
   return (place_mm - region.centre_us_mm).dot(axis) * axis;
 }
 
-/// The stretch across the frames that explains most of the motions, beside a rotation and a
-/// translation, parts of which would else pass for it.
-double stretch_of(const std::vector<Wish>& wishes, const TissueRegion& region) {
-  constexpr int kParameters = 7;
+/// Maps a small shift and turn to the motion of a place at this distance from the centre.
+Eigen::Matrix<double, 3, 6> rigid_effect(const Vector3d& offset_mm) {
+  Eigen::Matrix<double, 3, 6> effect;
+  effect.leftCols<3>().setIdentity();
+  for (int i = 0; i < 3; ++i) effect.col(3 + i) = Vector3d::Unit(i).cross(offset_mm);
+  return effect;
+}
+
+/// The parameters that explain most of the motions, where `effect` maps them to that of a place.
+/// Few wishes do not determine all parameters; those of least size are then taken.
+template <int kParameters, class Effect>
+Eigen::Matrix<double, kParameters, 1> explained(const std::vector<Wish>& wishes,
+                                                const Effect& effect) {
   Eigen::Matrix<double, kParameters, kParameters> normal;
   Eigen::Matrix<double, kParameters, 1> right;
   normal.setZero();
   right.setZero();
   for (const Wish& wish : wishes) {
-    const Vector3d offset_mm = wish.place_mm - region.centre_us_mm;
-    Eigen::Matrix<double, 3, kParameters> effect;
-    effect.leftCols<3>().setIdentity();
-    for (int i = 0; i < 3; ++i) effect.col(3 + i) = Vector3d::Unit(i).cross(offset_mm);
-    effect.col(6) = stretched_by(wish.place_mm, region);
-    normal += wish.weight * effect.transpose() * effect;
-    right += wish.weight * effect.transpose() * wish.motion_mm;
+    const Eigen::Matrix<double, 3, kParameters> of_place = effect(wish.place_mm);
+    normal += wish.weight * of_place.transpose() * of_place;
+    right += wish.weight * of_place.transpose() * wish.motion_mm;
   }
-  // Few wishes do not determine all parameters; those of least size are then taken. Nor do wishes
-  // in one layer across the frames, as in a short sweep, where noise may pass for any stretch.
+  return normal.completeOrthogonalDecomposition().solve(right);
+}
+
+/// The stretch across the frames that explains most of the motions, beside a rotation and a
+/// translation, parts of which would else pass for it.
+double stretch_of(const std::vector<Wish>& wishes, const TissueRegion& region) {
+  const Eigen::Matrix<double, 7, 1> parameters =
+      explained<7>(wishes, [&](const Vector3d& place_mm) {
+        Eigen::Matrix<double, 3, 7> effect;
+        effect << rigid_effect(place_mm - region.centre_us_mm), stretched_by(place_mm, region);
+        return effect;
+      });
+  // Wishes in one layer across the frames, as in a short sweep, do not tell a stretch: noise may
+  // pass for any.
   constexpr double kMost = 0.2;  // more than errors of motors and trackers are
-  return std::clamp(normal.completeOrthogonalDecomposition().solve(right)[6], -kMost, kMost);
+  return std::clamp(parameters[6], -kMost, kMost);
+}
+
+/// The middle of the places by their weights, or nothing if there is none.
+std::optional<Vector3d> middle_mm(const std::vector<Wish>& wishes) {
+  Vector3d sum = Vector3d::Zero();
+  double weights = 0.0;
+  for (const Wish& wish : wishes) {
+    sum += wish.weight * wish.place_mm;
+    weights += wish.weight;
+  }
+  if (!(weights > 0.0)) return std::nullopt;
+  return sum / weights;
 }
 
 }  // namespace
@@ -80,6 +110,17 @@ Vector3d PeakFinder::peak_mm(const std::vector<double>& values) const {
   }
   const auto best = std::max_element(values.begin(), values.end());
   return moves_mm_[static_cast<std::size_t>(best - values.begin())];
+}
+
+Eigen::Isometry3d rigid_motion(const std::vector<Wish>& wishes) {
+  const std::optional<Vector3d> middle = middle_mm(wishes);
+  if (!middle) return Eigen::Isometry3d::Identity();
+  const Eigen::Matrix<double, 6, 1> shift_and_turn = explained<6>(
+      wishes, [&](const Vector3d& place_mm) { return rigid_effect(place_mm - *middle); });
+  const Vector3d turn_rad = shift_and_turn.tail<3>();
+  return Eigen::Translation3d(*middle + shift_and_turn.head<3>()) *
+         Eigen::AngleAxisd(turn_rad.norm(), turn_rad.stableNormalized()) *
+         Eigen::Translation3d(-*middle);
 }
 
 double deformation_mm(const std::vector<Wish>& wishes, const TissueRegion& region) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <vector>
 
 namespace usct::registration {
@@ -39,6 +39,11 @@ class PeakFinder {
   /// Maps values to the coefficients of the quadratic function that fits them best.
   Eigen::Matrix<double, 10, Eigen::Dynamic> fit_;
 };
+
+/// The rigid motion, US frame, that explains most of the motions: the one by which the places would
+/// rather lie together. The motions are taken to be small beside the extent of the places; of what
+/// few places leave open the least is taken. The identity if no weight is there.
+Eigen::Isometry3d rigid_motion(const std::vector<Wish>& wishes);
 
 /// About how far tissue has moved relative to the pose: root mean square of the motions near the
 /// centre by their weights, mm; 0 if no weight is there. A wrong step of the motor, or a wrong path

@@ -34,6 +34,10 @@ bool may_be_missed(const Measures& measures) {
   return right->chance < 0.5 || right->anatomy < 0.5;
 }
 
+bool may_be_near(const Measures& measures) {
+  return !measures.mirror_ratio || *measures.mirror_ratio >= 1.0;
+}
+
 bool may_be_in_mirrored_ct(const Measures& measures, bool lacks_a_side, double limit) {
   // If a mirror image fits almost as well, the anatomy in view is nearly symmetric: it then fits a
   // mirrored CT almost as well too. Two thirds of a kidney have fitted a CT with exchanged axes 1.6

@@ -19,6 +19,10 @@ bool is_beyond_doubt(const Measures& measures, double limit);
 /// better that it is the right one.
 bool may_be_missed(const Measures& measures);
 
+/// Whether a pose that is refused may lie near the right one: no mirror image of the ultrasound
+/// fits better.
+bool may_be_near(const Measures& measures);
+
 /// Whether a pose is compared with mirrored CTs before it is accepted: it is not beyond doubt, a
 /// mirror image of the ultrasound fits almost as well, or the field lacks a side.
 bool may_be_in_mirrored_ct(const Measures& measures, bool lacks_a_side, double limit);

@@ -94,7 +94,7 @@ void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessm
 void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) {
   const bool is_stretched = assessment.measures.depth_error.has_value();  // by the refinement
   const Candidate stretched = estimate_errors(refined, assessment.measures, run);
-  compare_clusters(stretched, assessment.measures, run);
+  compare_clusters(stretched, assessment, run);
   const std::vector<HalfPoses> halves = compare_parts(refined, assessment.measures, run);
   if (!halves.empty()) expect_error(halves, is_stretched, assessment);
   assessment.measures.wrong_probability = wrong_probability(assessment.measures);
@@ -170,7 +170,8 @@ SimilarityImages& Evidence::images_for(const Measures& measures) {
   return *along_beams_;
 }
 
-void Evidence::compare_clusters(const Candidate& pose, Measures& measures, Run& run) {
+void Evidence::compare_clusters(const Candidate& pose, Assessment& assessment, Run& run) {
+  Measures& measures = assessment.measures;
   const auto patches = make_similarity(images_for(measures), in_.options.similarity);
   if (!patches) return;
   const std::optional<LocalAgreement> found =
@@ -179,6 +180,7 @@ void Evidence::compare_clusters(const Candidate& pose, Measures& measures, Run& 
   measures.local_agreement = found->share;
   measures.tissue_motion_mm = found->tissue_motion_mm;
   measures.deformation_mm = found->deformation_mm;
+  assessment.wished_motion = found->wished_motion;
 }
 
 std::vector<HalfPoses> Evidence::compare_parts(const Candidate& refined, Measures& measures,

@@ -16,6 +16,9 @@ struct Assessment {
   /// The best mirrored ultrasound, or mirrored CT that fits better than the pose; unset if none has
   /// a value.
   std::optional<Mirror> best_mirror;
+  /// The motion, US frame, by which blocks of the field would rather lie together; see
+  /// LocalAgreement.
+  std::optional<Eigen::Isometry3d> wished_motion;
 };
 
 class PatchComparison;
@@ -68,7 +71,7 @@ class Evidence {
                            Assessment& result, Run& run);
   void compare_with_rivals(const std::vector<Candidate>& optima, const PatchComparison& patches,
                            Measures& measures) const;
-  void compare_clusters(const Candidate& pose, Measures& measures, Run& run);
+  void compare_clusters(const Candidate& pose, Assessment& assessment, Run& run);
   std::vector<HalfPoses> compare_parts(const Candidate& refined, Measures& measures,
                                        Run& run) const;
   /// The covariance of the pose and what follows from it. `is_stretched`: the refinement has made

@@ -114,8 +114,9 @@ std::optional<LocalAgreement> local_agreement(const Similarity& similarity, cons
   const std::optional<double> share = share_of_rise(own, of_neighbours);
   if (!share) return std::nullopt;
   const Rows together = sums_of(std::move(own), of_neighbours);
+  const std::vector<Wish> wishes = wishes_of(together, clusters, moves_mm);
   return LocalAgreement{*share, tissue_motion_mm(together, clusters, moves_mm, options.tissue),
-                        deformation_mm(wishes_of(together, clusters, moves_mm), options.tissue)};
+                        deformation_mm(wishes, options.tissue), rigid_motion(wishes)};
 }
 
 }  // namespace usct::registration

@@ -41,6 +41,9 @@ struct LocalAgreement {
   /// `deformation_mm` of the peaks between these translations: about how far tissue there has moved
   /// relative to the pose.
   double deformation_mm = 0.0;
+  /// `rigid_motion` of the same peaks of all clusters: a pose moved by it (to its left) lies where
+  /// most of them would rather lie together.
+  Eigen::Isometry3d wished_motion = Eigen::Isometry3d::Identity();
 };
 
 /// Unset for a similarity without parts, and where no translation makes a difference.
