@@ -55,10 +55,13 @@ TEST(MirroredCt, IsSearchedForWhereTheFieldLacksASide) {
   EXPECT_TRUE(may_be_in_mirrored_ct(measures(0.022, 0.474, 1.645), true, kPresetLimit));
 }
 
-/// Mirrored ultrasound that fits better than the pose shows that the right one is far.
-TEST(NearTheRightPose, UnlessAMirrorImageFitsBetter) {
+/// Mirrored ultrasound that fits better than the pose shows that the right one is far, and so do
+/// blocks that agree no more than by chance.
+TEST(NearTheRightPose, UnlessAMirrorImageFitsBetterOrBlocksAgreeByChance) {
   EXPECT_TRUE(may_be_near(measures(1.0, 0.05, 1.0)));
   EXPECT_FALSE(may_be_near(measures(0.4, 0.3, 0.99)));
+  EXPECT_FALSE(may_be_near(measures(1.0, 0.0, 1.5)));
+  EXPECT_FALSE(may_be_near(measures(1.0, -0.02, 1.5)));
   EXPECT_TRUE(may_be_near({}));
 }
 

@@ -35,7 +35,9 @@ bool may_be_missed(const Measures& measures) {
 }
 
 bool may_be_near(const Measures& measures) {
-  return !measures.mirror_ratio || *measures.mirror_ratio >= 1.0;
+  const bool mirror_fits_better = measures.mirror_ratio && *measures.mirror_ratio < 1.0;
+  const bool agree_by_chance = measures.local_agreement && *measures.local_agreement <= 0.0;
+  return !mirror_fits_better && !agree_by_chance;
 }
 
 bool may_be_in_mirrored_ct(const Measures& measures, bool lacks_a_side, double limit) {
