@@ -20,7 +20,7 @@ bool is_beyond_doubt(const Measures& measures, double limit);
 bool may_be_missed(const Measures& measures);
 
 /// Whether a pose that is refused may lie near the right one: no mirror image of the ultrasound
-/// fits better.
+/// fits better, and its blocks agree more than by chance. Measures that are not there say nothing.
 bool may_be_near(const Measures& measures);
 
 /// Whether a pose is compared with mirrored CTs before it is accepted: it is not beyond doubt, a
