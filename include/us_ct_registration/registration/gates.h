@@ -60,6 +60,11 @@ struct Measures {
   /// The same of the mirrored ultrasound that reaches most, with its patches where they fit best.
   /// It is taken where the other evidence leaves doubt, and makes a difference.
   std::optional<double> mirror_agreement;
+  /// How surely the clusters are more similar at the pose than beside it: the sum of what each
+  /// gains over the mean of the translations offered to it, over the root of the sum of the squares
+  /// of these gains. About 0 for a pose that has nothing to do with them, and the root of the
+  /// number of clusters at most.
+  std::optional<double> local_advantage;
   /// About how far tissue near the middle of the field would rather lie elsewhere, root mean
   /// square, mm: the translations that clusters there wish together with their neighbours, by whole
   /// steps.
@@ -102,6 +107,10 @@ std::map<std::string, double> by_name(const Measures& measures);
 /// The inverse of `by_name`. Throws InputError, naming `source`, for a name that is no measure.
 Measures measures_from(const std::map<std::string, double>& values, const std::string& source);
 
+/// The most by which halves of the field move the pose, mm, by either of their similarities. Needs
+/// `parts_mm`.
+double halves_motion_mm(const Measures& measures);
+
 /// What the evidence says: for each of its three kinds, the probability that the pose is right as
 /// far as this kind can tell; and how probable it is that a right one is less than 5 mm off.
 struct RightProbability {
@@ -118,8 +127,8 @@ struct RightProbability {
 };
 
 /// Logistic functions of the measures, calibrated on equally many right and wrong poses
-/// (docs/confidence.md). Unset if a measure is absent or not a number, but for the expected error:
-/// without one, no error is expected.
+/// (docs/confidence.md). Unset if a measure is absent or not a number. The expected error,
+/// mirror_agreement and ridge_parts_mm may be absent: they then say nothing.
 std::optional<RightProbability> right_probability(const Measures& measures);
 
 /// Measures::wrong_probability by all evidence; unset as above.

@@ -63,15 +63,16 @@ std::string evidence_text(const Measures& m) {
                        *m.chance_ratio, *m.rival_ratio, *m.rival_advantage),
              "check that the CT is of this patient and that the kidney is in view, and give an "
              "initial pose that is closer") +
-         line(
-             "same anatomy", right->anatomy,
-             formatted("small blocks of the field of view agree with the pose by %.2f, where 1 is "
-                       "full agreement and 0 is chance; tissue in the middle would rather lie %.1f "
-                       "mm elsewhere; halves of the field, registered alone, move the pose by %.1f "
-                       "mm; the comparison with mirrored ultrasound counts here too",
-                       *m.local_agreement, *m.tissue_motion_mm, *m.parts_mm),
-             "check that the CT is of this patient, the geometry of the probe and the tracking, "
-             "and acquire again during a breath hold and with little pressure") +
+         line("same anatomy", right->anatomy,
+              formatted(
+                  "small blocks of the field of view agree with the pose by %.2f, where 1 is "
+                  "full agreement and 0 is chance (block by block: t = %.1f); tissue in the "
+                  "middle would rather lie %.1f mm elsewhere; halves of the field, registered "
+                  "alone, move the pose by %.1f mm; the comparison with mirrored ultrasound "
+                  "counts here too",
+                  *m.local_agreement, *m.local_advantage, *m.tissue_motion_mm, halves_motion_mm(m)),
+              "check that the CT is of this patient, the geometry of the probe and the tracking, "
+              "and acquire again during a breath hold and with little pressure") +
          // A small error is no evidence that the pose is right.
          (right->near < kStrong
               ? line("size of the error", right->near,

@@ -54,6 +54,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"ridge_parts_mm", &Measures::ridge_parts_mm},
       {"local_agreement", &Measures::local_agreement},
       {"mirror_agreement", &Measures::mirror_agreement},
+      {"local_advantage", &Measures::local_advantage},
       {"tissue_motion_mm", &Measures::tissue_motion_mm},
       {"deformation_mm", &Measures::deformation_mm},
       {"wrong_probability", &Measures::wrong_probability},

@@ -78,7 +78,7 @@ std::string anatomy_words(const Measures& m) {
          number(*m.local_agreement) +
          ", where 1 is full agreement and 0 is chance; tissue in the middle would rather lie " +
          number(*m.tissue_motion_mm) + " mm elsewhere; halves of the field move the pose by " +
-         number(*m.parts_mm) + " mm; it has " + number(*m.mirror_ratio) +
+         number(halves_motion_mm(m)) + " mm; it has " + number(*m.mirror_ratio) +
          " times the similarity of its best mirror image): the CT may be of another patient, or "
          "the anatomy may be deformed or may have moved "
          "during the sweep; check whose CT it is, probe geometry and tracking, and acquire again "

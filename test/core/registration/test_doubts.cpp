@@ -82,6 +82,7 @@ Measures of_exchanged_axes() {
   of_pose.displacement_mm = 29.6;
   of_pose.mirror_advantage = 1.11;
   of_pose.mirror_agreement = 0.388;
+  of_pose.local_advantage = 5.0;
   of_pose.rival_ratio = 2.71;
   of_pose.rival_advantage = 3.0;
   of_pose.parts_mm = 1.0;

@@ -116,6 +116,38 @@ TEST(LocalAgreement, IsTheShareOfTheRiseInReachLessWhatChanceMakesUp) {
               (std::exp(-1.0) - mean) / (1.0 - mean) - by_chance(1), 1e-9);
 }
 
+TEST(LocalAgreement, AdvantageIsTheRootOfTheNumberOfClustersThatGainAlike) {
+  for (const int clusters : {1, 4, 9})
+    EXPECT_NEAR(agreement_of(Wishes(std::vector<Vector3d>(clusters, Vector3d::Zero())))->advantage,
+                std::sqrt(clusters), 1e-9);
+}
+
+/// By hand: one of three clusters wishes to lie at a face of the lattice, and gains less.
+TEST(LocalAgreement, AdvantageWeighsGainsAgainstWhatTheyDifferBy) {
+  double middle = 0.0;
+  double face = 0.0;
+  for (const int x : {-1, 0, 1})
+    for (const int y : {-1, 0, 1})
+      for (const int z : {-1, 0, 1}) {
+        middle += std::exp(-std::sqrt(x * x + y * y + z * z)) / 27.0;
+        face += std::exp(-std::hypot(x + 1.0, y, z)) / 27.0;
+      }
+  const double whole = 1.0 - middle;
+  const double less = std::exp(-1.0) - face;
+  EXPECT_NEAR(agreement_of(Wishes({{0, 0, 0}, {kStepMm, 0, 0}, {0, 0, 0}}))->advantage,
+              (2.0 * whole + less) / std::sqrt(2.0 * whole * whole + less * less), 1e-9);
+}
+
+/// Four times as many clusters with the same noise say the same twice as surely.
+RC_GTEST_PROP(LocalAgreement, AdvantageGrowsWithTheRootOfTheNumberOfClusters, ()) {
+  std::vector<Vector3d> wished;
+  for (int i = 0; i < 5; ++i) wished.push_back(random_pose(6.0).translation());
+  std::vector<Vector3d> more;
+  for (int i = 0; i < 4; ++i) more.insert(more.end(), wished.begin(), wished.end());
+  RC_ASSERT(std::abs(agreement_of(Wishes(more))->advantage -
+                     2.0 * agreement_of(Wishes(wished))->advantage) < 1e-9);
+}
+
 RC_GTEST_PROP(LocalAgreement, DoesNotDependOnTheScaleOfTheSimilarity, ()) {
   std::vector<Vector3d> wished;
   for (int i = 0; i < 6; ++i) wished.push_back(random_pose(6.0).translation());

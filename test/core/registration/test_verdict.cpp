@@ -23,6 +23,7 @@ Assessment strong() {
   m.mirror_advantage = m.chance_advantage = m.rival_advantage = 5.0;
   m.parts_mm = m.ridge_parts_mm = 0.5;
   m.local_agreement = 0.6;
+  m.local_advantage = 9.0;
   m.tissue_motion_mm = 0.8;
   assessment.best_mirror = Mirror::kLines;
   return assessment;
@@ -49,6 +50,7 @@ Assessment torn() {
   assessment.measures.parts_mm = 7.0;
   assessment.measures.ridge_parts_mm = 9.0;
   assessment.measures.local_agreement = 0.12;
+  assessment.measures.local_advantage = 3.0;
   assessment.measures.tissue_motion_mm = 3.2;
   return assessment;
 }
@@ -113,7 +115,7 @@ TEST(Verdict, ARivalIsToldFromChance) {
 
 TEST(Verdict, AnAnatomyThatMayBeAnotherIsNamedWithWhatSpeaksAgainstIt) {
   expect_named(torn(), {"another anatomy", "by 0.12", "lie 3.2 mm elsewhere",
-                        "move the pose by 7 mm", "2 times", "another patient"});
+                        "move the pose by 9 mm", "2 times", "another patient"});
 }
 
 TEST(Verdict, AnErrorThatMayBeTooLargeIsNamedWithTheMotionOfTissue) {

@@ -60,6 +60,18 @@ std::optional<double> share_of_rise(const Rows& own, const Rows& of_neighbours) 
          1.0 / std::sqrt(static_cast<double>(clusters));
 }
 
+/// By how many of their own errors the gains of the shared pose over the mean exceed 0.
+double advantage_of_shared(const Rows& own) {
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t c = 0; c < own.front().size(); ++c) {
+    const double gain = own[0][c] - best_of(own, c).mean;
+    sum += gain;
+    squares += gain * gain;
+  }
+  return squares > 0.0 ? sum / std::sqrt(squares) : 0.0;
+}
+
 /// The sums of each cluster and its neighbours, a row per translation.
 Rows sums_of(Rows own, const Rows& of_neighbours) {
   for (std::size_t t = 0; t < own.size(); ++t)
@@ -113,9 +125,11 @@ std::optional<LocalAgreement> local_agreement(const Similarity& similarity, cons
   run.count_evaluations(moves_mm.size());
   const std::optional<double> share = share_of_rise(own, of_neighbours);
   if (!share) return std::nullopt;
+  const double advantage = advantage_of_shared(own);
   const Rows together = sums_of(std::move(own), of_neighbours);
   const std::vector<Wish> wishes = wishes_of(together, clusters, moves_mm);
-  return LocalAgreement{*share, tissue_motion_mm(together, clusters, moves_mm, options.tissue),
+  return LocalAgreement{*share, advantage,
+                        tissue_motion_mm(together, clusters, moves_mm, options.tissue),
                         deformation_mm(wishes, options.tissue), rigid_motion(wishes)};
 }
 

@@ -34,6 +34,12 @@ struct LocalAgreement {
   /// wishes have nothing to do with the pose nor with each other. It does not depend on the
   /// similarity's scale.
   double share = 0.0;
+  /// The sum of what the clusters gain by the shared pose over the mean of the 27 translations,
+  /// over the root of the sum of the squares of these gains: Student's t before its mean is taken
+  /// off. Noise lowers the share above, however many clusters there are; what many of them say
+  /// together stays sure. It is the root of their number at most, so that few of them never say
+  /// much.
+  double advantage = 0.0;
   /// Root mean square length, mm, of the translations that clusters near the centre and their
   /// neighbours together like best, by the rise that depends on it. It is 0 if nothing there makes
   /// a difference. Wrong poses have much of it.
