@@ -84,7 +84,7 @@ TEST_F(Refusal, SaysWhatEachKindOfEvidenceSaysAndWhatWouldHelp) {
        "what would help: ", "comparison with chance (",
        formatted("the pose has %.2f times the similarity that chance reaches",
                  *measures.chance_ratio),
-       "same anatomy (", formatted("move the pose by %.1f mm", *measures.parts_mm)});
+       "same anatomy (", formatted("move the pose by %.1f mm", halves_motion_mm(measures))});
   EXPECT_EQ(outcome.output.find("expected error"), std::string::npos) << outcome.output;
   for (const char* picture : {"before_after.png", "fusion.png", "slices.png"})
     EXPECT_TRUE(std::filesystem::exists(path("pictures/") + picture)) << picture;
