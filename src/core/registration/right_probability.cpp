@@ -42,8 +42,8 @@ constexpr double kLeastToShare = 0.05;
 /// saves have had shares of 0.60 and more.
 constexpr double kLeastShare = 0.5;
 constexpr double kPerTooLittleShare = 20.0;
-/// What blocks gain is no surer than at this many standard errors: another patient's kidney has
-/// reached 8.3.
+/// The gain of many blocks is no surer than at this many standard errors: that of another patient's
+/// kidney has reached 8.3.
 constexpr double kSureAdvantage = 8.0;
 
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
