@@ -24,6 +24,9 @@ class Assessor {
   void take_over(std::vector<Decoy> decoys) { own_.take_over(std::move(decoys)); }
   void search_decoys_further(int rounds);
 
+  /// Whether blocks of the field agree about a pose so surely that it is worth the search for
+  /// mirror images.
+  bool blocks_agree(const Candidate& pose, Run& run) { return own_.blocks_agree(pose, run); }
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
   /// its rivals, if the evidence comes from these images; that of others is left to `assess`.
   Assessment compare(const std::vector<Candidate>& optima, Run& run);

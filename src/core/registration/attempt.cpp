@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "registration/evidence/doubts.h"
+#include "registration/search/block_search.h"
 #include "registration/search/refinement.h"
 #include "registration/verdict.h"
 
@@ -14,15 +15,29 @@ bool contains(const std::vector<Eigen::Isometry3d>& poses, const Eigen::Isometry
                      [&](const Eigen::Isometry3d& other) { return other.isApprox(pose, 0.0); });
 }
 
+bool is_registered(const Registration& registration) {
+  return registration.result.status == RegistrationStatus::kRegistered;
+}
+
+/// The one that is less likely to be wrong.
+Registration likelier(Registration one, std::optional<Registration> other) {
+  const auto wrong = [](const Registration& of) {
+    return of.result.measures.wrong_probability.value_or(1.0);
+  };
+  return other && wrong(*other) < wrong(one) ? *std::move(other) : std::move(one);
+}
+
 }  // namespace
 
 Attempt::Attempt(const RegistrationInput& input, const ImagePyramid& images, Run& run)
-    : in_(input),
-      images_(images),
-      run_(run),
-      plan_(input.options.confidence),
-      problem_{images.similarities(), input.options.search, input.T_us_ct_initial,
-               images.prepared.field, input.options.seed} {}
+    : Attempt(input, images,
+              {images.similarities(), input.options.search, input.T_us_ct_initial,
+               images.prepared.field, input.options.seed},
+              run) {}
+
+Attempt::Attempt(const RegistrationInput& input, const ImagePyramid& images,
+                 const SearchProblem& search, Run& run)
+    : in_(input), images_(images), run_(run), plan_(input.options.confidence), problem_(search) {}
 
 std::vector<Candidate> Attempt::searched(int round, std::vector<Candidate> found) {
   return run_.timed("search", [&] { return multi_start(problem_, round, std::move(found), run_); });
@@ -51,14 +66,21 @@ Outcome<Attempt::Judged> Attempt::refine_and_judge(Assessor& assessor,
                                                    const Assessment& compared, int rounds) {
   const Outcome<Candidate> refined = refine(images_, in_.ct, optima.front(), in_.options, run_);
   if (!refined) return refined.refusal();
-  const std::optional<Candidate> other = other_optimum(optima.front(), *refined);
-  if (other) optima = headed_by(*other, optima, problem_);
-  const Outcome<Judged> best = other ? judge_beside_more(assessor, optima, *refined, 1)
-                                     : judge_refined(assessor, optima, compared, *refined);
+  Outcome<Judged> best = judge_where_it_led(assessor, optima, compared, *refined);
   // More starts than the decoys had may have found a wrong pose that is better than they are.
   if (best && !best->failure && rounds > 1)
     return judge_beside_more(assessor, optima, *refined, rounds);
   return best;
+}
+
+Outcome<Attempt::Judged> Attempt::judge_where_it_led(Assessor& assessor,
+                                                     std::vector<Candidate>& optima,
+                                                     const Assessment& compared,
+                                                     const Candidate& refined) {
+  const std::optional<Candidate> other = other_optimum(optima.front(), refined);
+  if (!other) return judge_refined(assessor, optima, compared, refined);
+  optima = headed_by(*other, optima, problem_);
+  return judge_beside_more(assessor, optima, refined, 1);
 }
 
 Outcome<Attempt::Judged> Attempt::judge_refined(Assessor& assessor,
@@ -146,12 +168,38 @@ std::optional<Registration> Attempt::at_once() {
   return ended(assessor, optima, *best);
 }
 
+std::optional<Registration> Attempt::in_one_round() {
+  Assessor assessor = this->assessor();
+  std::vector<Candidate> optima = searched(0, {});
+  if (optima.empty() || !optima.front().has_value()) return std::nullopt;
+  const Outcome<Candidate> refined = refine(images_, in_.ct, optima.front(), in_.options, run_);
+  if (!refined || !run_.timed("confidence", [&] { return assessor.blocks_agree(*refined, run_); }))
+    return std::nullopt;
+  const Assessment compared = this->compared(assessor, optima);
+  Outcome<Judged> best = judge_where_it_led(assessor, optima, compared, *refined);
+  if (!best) return std::nullopt;
+  follow_blocks(assessor, optima, *best, 1);
+  Registration registration = ended(assessor, optima, *best);
+  registration.trail.reset();  // tracking climbs by the similarity of the other search
+  return registration;
+}
+
+std::optional<Registration> Attempt::by_blocks() const {
+  if (!plan_.gathers_own()) return std::nullopt;
+  const std::unique_ptr<const BlockSearch> search = block_search(in_, images_);
+  if (!search) return std::nullopt;
+  return Attempt(in_, images_, search->problem(), run_).in_one_round();
+}
+
 Outcome<Registration> Attempt::search() {
   const int rounds = in_.options.search.rounds;
   Assessor assessor = this->assessor();
   std::vector<Candidate> optima;
   std::vector<Eigen::Isometry3d> refused;
+  std::optional<Registration> matched;
   for (int round = 0;; ++round) {
+    if (round == 1) matched = by_blocks();
+    if (matched && is_registered(*matched)) return *std::move(matched);
     optima = searched(round, std::move(optima));
     if (optima.empty())
       return Refusal{RegistrationStatus::kNoOverlap,
@@ -169,8 +217,9 @@ Outcome<Registration> Attempt::search() {
     if (!was_refused) follow_blocks(assessor, optima, *best, round + 1);
     refused.insert(refused.end(), {T_best, optima.front().T_us_ct});
     run_.report(0.2 + 0.8 * (round + 1) / rounds);
-    if (is_last || !best->failure || !may_be_missed(best->assessment.measures))
-      return ended(assessor, optima, *best);
+    if (!best->failure) return ended(assessor, optima, *best);
+    if (is_last || !may_be_missed(best->assessment.measures))
+      return likelier(ended(assessor, optima, *best), std::move(matched));
   }
 }
 

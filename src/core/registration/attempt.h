@@ -23,12 +23,20 @@ class Attempt {
  public:
   /// `images` are those that `prepare` makes of the input. They must outlive the attempt.
   Attempt(const RegistrationInput& input, const ImagePyramid& images, Run& run);
+  /// An attempt by another search on these images.
+  Attempt(const RegistrationInput& input, const ImagePyramid& images, const SearchProblem& search,
+          Run& run);
 
   /// Each round searches, refines, assesses and judges, until the pose passes the gates, or the
-  /// evidence says that another round would not help.
+  /// evidence says that another round would not help. After the first round blocks of the
+  /// ultrasound are matched, see BlockSearch; their pose is the result if it passes, or if no pose
+  /// does and it is less likely to be wrong.
   Outcome<Registration> search();
   /// The pose of the first round, if it is to be believed without further search.
   std::optional<Registration> at_once();
+  /// The pose of one round, whether it is believed or not; none if blocks of the field agree so
+  /// little about it that it cannot be.
+  std::optional<Registration> in_one_round();
   /// The pose that the trail leads to, if it is to be believed without a search.
   std::optional<Registration> tracked(const Lead& lead);
 
@@ -40,13 +48,17 @@ class Attempt {
     std::optional<GateFailure> failure;
   };
 
+  std::optional<Registration> by_blocks() const;
   Assessor assessor() const { return Assessor(in_, images_, problem_); }
   std::vector<Candidate> searched(int round, std::vector<Candidate> found);
   Assessment compared(Assessor& assessor, const std::vector<Candidate>& optima);
-  /// Refines and judges the best optimum, which so many rounds have found. If its refinement leads
-  /// to another optimum, that one becomes the first, and the evidence is gathered for it.
+  /// Refines and judges the best optimum, which so many rounds have found.
   Outcome<Judged> refine_and_judge(Assessor& assessor, std::vector<Candidate>& optima,
                                    const Assessment& compared, int rounds);
+  /// Judges the best optimum after its refinement. If that led to another optimum, that one becomes
+  /// the first, and the evidence is gathered for it.
+  Outcome<Judged> judge_where_it_led(Assessor& assessor, std::vector<Candidate>& optima,
+                                     const Assessment& compared, const Candidate& refined);
   /// The optimum that the refined pose leads to, if it is another than the one that was refined.
   std::optional<Candidate> other_optimum(const Candidate& optimum, const Candidate& refined);
   bool has_left(const Candidate& optimum, const Candidate& refined) const;

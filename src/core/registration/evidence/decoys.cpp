@@ -94,7 +94,8 @@ class DecoyProblems {
         similarities.push_back({mirror_image(level.all), mirror_image(level.screening)});
       // A nearly symmetric anatomy explains mirrored ultrasound at a pose near the found one.
       all_.push_back({std::move(similarities), problem.options, problem.T_us_ct_initial,
-                      problem.field, problem.seed, T_us_ct_found, decoy.start_shifts_us_mm});
+                      problem.field, problem.seed, T_us_ct_found, decoy.start_shifts_us_mm,
+                      problem.blocks, decoy.T_mirror});
     }
   }
   const std::vector<SearchProblem>& all() const { return all_; }

@@ -100,6 +100,17 @@ void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run)
   assessment.measures.wrong_probability = wrong_probability(assessment.measures);
 }
 
+bool Evidence::blocks_agree(const Candidate& pose, Run& run) const {
+  // Standard errors by which the gain must differ from nothing. In strangers' CTs hardly any pose
+  // of matched blocks reaches it; with less no pose has been believed.
+  constexpr double kSure = 3.5;
+  const auto patches = make_similarity(deciding_images(), in_.options.similarity);
+  if (!patches) return false;
+  const std::optional<LocalAgreement> found =
+      local_agreement(*patches, pose, agreement_options(in_, field()), run);
+  return found && found->advantage >= kSure;
+}
+
 void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
   if (!decoys_) return;
   Measures& measures = assessment.measures;

@@ -10,8 +10,13 @@ namespace {
 
 /// The starts of a round. The rounds take consecutive parts of one sequence. The first part begins
 /// with the initial pose.
-std::vector<Candidate> starts_of(const SearchProblem& problem, int round) {
+std::vector<Candidate> starts_of(const SearchProblem& problem, int round, Run& run) {
   if (!problem.options.starts) return {{problem.T_us_ct_initial, {}}};
+  if (problem.blocks != nullptr)
+    return problem.blocks->poses(problem.T_us_ct_initial, *problem.options.starts, problem.mirror,
+                                 problem.field, problem.options.distinct_mm,
+                                 static_cast<std::size_t>(problem.options.levels.front().optimised),
+                                 run);
   StartOptions all = *problem.options.starts;
   const int first = round * all.count;
   all.count += first;
@@ -158,7 +163,8 @@ void Climbing::climb_level(std::size_t at) {
 
 Candidates Climbing::optima() {
   candidates_.clear();
-  for (const SearchProblem& problem : problems_) candidates_.push_back(starts_of(problem, round_));
+  for (const SearchProblem& problem : problems_)
+    candidates_.push_back(starts_of(problem, round_, run_));
   for (std::size_t at = 0; at < problems_.front().options.levels.size(); ++at) climb_level(at);
   return candidates_;
 }

@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "registration/search/block_matching.h"
 #include "registration/search/candidates.h"
 
 /// The search: many starts around the initial pose, climbed coarse to fine.
@@ -27,6 +28,10 @@ struct SearchProblem {
   Eigen::Isometry3d T_us_ct_given = T_us_ct_initial;
   /// Each start is tried moved by one of these translations too, which take turns; US frame.
   std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
+  /// Finds the starts, as many as the first level optimises; null: they are spread.
+  const BlockMatching* blocks = nullptr;
+  /// Where the ultrasound lies mirrored: see mirror_of.
+  Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
 };
 
 /// One round of the search; `round` counts from 0. Returns the optima of the deciding level

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "similarity/block_kernel.h"
+#include "us_ct_registration/ultrasound/beam_ultrasound.h"
+
+namespace usct::registration {
+
+constexpr int kBlockCells = kBlockEdge * kBlockEdge * kBlockEdge;
+
+/// A cube of cells of the ultrasound.
+struct UltrasoundBlock {
+  Eigen::Vector3i first;                      // its first cell
+  Eigen::Vector3d middle_us_mm;               // of its known cells
+  std::array<float, kBlockCells> ultrasound;  // as BlockMatch::ultrasound
+  float known = 0.0F;
+};
+
+/// Ultrasound averaged in the cells of a lattice along the axes of the US frame, and cut into
+/// blocks.
+class UltrasoundCells {
+ public:
+  /// The edge of a cell. Blocks are as large as the clusters of the evidence, 16 mm.
+  static constexpr double kMm = 4.0;
+
+  /// Samples count where `known`. They lie where `mirror` moves them (see mirror_of).
+  UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror);
+
+  const Eigen::Vector3i& size() const { return size_; }
+  /// The middle of a cell; cells beyond the lattice have one too.
+  Eigen::Vector3d middle_us_mm(const Eigen::Vector3d& cell) const {
+    return origin_us_mm_ + kMm * (cell + Eigen::Vector3d::Constant(0.5));
+  }
+  /// Blocks side by side, those of which half of the cells are known, and vary.
+  std::vector<UltrasoundBlock> blocks() const;
+
+ private:
+  struct Cell {
+    float sum = 0.0F;
+    float count = 0.0F;
+  };
+  std::optional<UltrasoundBlock> block_at(const Eigen::Vector3i& first) const;
+  std::size_t place(const Eigen::Vector3i& cell) const {
+    return static_cast<std::size_t>(cell.x() + size_.x() * (cell.y() + size_.y() * cell.z()));
+  }
+  bool is_known(const Eigen::Vector3i& cell) const {
+    return (cell.array() < size_.array()).all() && cells_[place(cell)].count > 0.0F;
+  }
+
+  Eigen::Vector3d origin_us_mm_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
+  std::vector<Cell> cells_;
+};
+
+}  // namespace usct::registration

@@ -1,0 +1,150 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/registration/registration_cases.h"
+#include "registration/images/image_pyramid.h"
+#include "registration/search/block_matching.h"
+#include "registration/search/ultrasound_blocks.h"
+
+namespace usct::test {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using registration::BlockMatching;
+using registration::Candidate;
+using registration::ImagePyramid;
+using registration::Run;
+using registration::UltrasoundBlock;
+using registration::UltrasoundCells;
+
+/// The images of the preset `patient` around an initial pose, and what blocks find from there.
+class Matched {
+ public:
+  Matched(const RegistrationCase& images, const Isometry3d& T_us_ct_initial)
+      : images_(images),
+        initial_(T_us_ct_initial),
+        ct_(images.ct),
+        pyramid_(*registration::prepare({images.us, ct_, initial_, options_}, run_)) {}
+
+  std::vector<Candidate> poses(const Isometry3d& mirror = Isometry3d::Identity()) {
+    const BlockMatching matching(pyramid_.levels.back().images->shared_ultrasound(),
+                                 pyramid_.levels.front().images->packed_ct());
+    return matching.poses(initial_, *options_.search.starts, mirror, pyramid_.prepared.field, 4.0,
+                          8, run_);
+  }
+
+ private:
+  const RegistrationCase& images_;
+  const Isometry3d initial_;
+  const PreparedCt ct_;
+  const RegistrationOptions options_;
+  const RegistrationHooks hooks_;
+  Run run_{hooks_};
+  const ImagePyramid pyramid_;
+};
+
+/// Cells are 4 mm wide and orientations 6 degrees apart, which moves the kidney by 5 mm at most.
+constexpr double kNearMm = 7.0;
+
+TEST(BlockMatching, FindsThePoseFromWhereNoClimbWould) {
+  for (const RegistrationCase* images : {&agar_case(), &patient_case()})
+    for (const double sign : {1.0, -1.0}) {
+      const Isometry3d initial =
+          beside_truth(*images, sign * Vector3d(15, -18, 20), sign * Vector3d(18, -15, 20));
+      ASSERT_GT(images->error_mm(initial), 25.0);
+      const std::vector<Candidate> poses = Matched(*images, initial).poses();
+      ASSERT_FALSE(poses.empty());
+      EXPECT_LT(images->error_mm(poses.front().T_us_ct), kNearMm) << sign;
+      for (std::size_t i = 1; i < poses.size(); ++i) EXPECT_LE(poses[i].value, poses[i - 1].value);
+    }
+}
+
+/// Ultrasound that lies mirrored is found where it lay, once it is mirrored again.
+TEST(BlockMatching, FindsMirroredUltrasoundWhereItsMirrorImageLies) {
+  const RegistrationCase& images = agar_case();
+  const Isometry3d initial = beside_truth(images, {8, -6, 5}, {10, -8, 6});
+  const Vector3d centre = middle_us_mm(images);
+  const Vector3d normal = Vector3d(1.0, 0.3, -0.4).normalized();
+  Isometry3d mirror = Isometry3d::Identity();
+  mirror.linear() -= 2.0 * normal * normal.transpose();
+  mirror.translation() = centre - mirror.linear() * centre;
+  RegistrationCase mirrored = images;
+  mirrored.us = moved(images.us, mirror);
+  const std::vector<Candidate> poses = Matched(mirrored, initial).poses(mirror);
+  ASSERT_FALSE(poses.empty());
+  EXPECT_LT(images.error_mm(poses.front().T_us_ct), kNearMm);
+}
+
+TEST(BlockMatching, CoversTheOrientationsOfThePresetsButNotAll) {
+  EXPECT_TRUE(BlockMatching::covers(*preset("patient").search.starts));
+  EXPECT_FALSE(BlockMatching::covers({StartRegion::kBall, 512, kPi, 25.0}));
+  EXPECT_FALSE(BlockMatching::covers({StartRegion::kBox, 512, 0.4, 100.0}));
+}
+
+/// Beams along z, 1 mm apart, with a brightness of 7 where `varies` is false.
+BeamUltrasound cube(int edge, bool varies) {
+  BeamUltrasound us;
+  us.beams.lines = us.beams.frames = us.beams.axial.samples = edge;
+  us.beams.axial.spacing_mm = 1.0;
+  for (int f = 0; f < edge; ++f)
+    for (int l = 0; l < edge; ++l) {
+      us.beams.beams.push_back({Vector3d(l, f, 0.0), Vector3d::UnitZ()});
+      for (int s = 0; s < edge; ++s)
+        us.brightness.push_back(varies ? static_cast<float>((s / 4 + 3 * l / 4 + f) % 11) : 7.0F);
+    }
+  us.known.assign(us.brightness.size(), 1);
+  return us;
+}
+
+TEST(UltrasoundBlocks, AreNormalisedCubesSideBySide) {
+  const UltrasoundCells cells(cube(32, true), Isometry3d::Identity());
+  EXPECT_EQ(cells.size(), Eigen::Vector3i::Constant(8));
+  const std::vector<UltrasoundBlock> blocks = cells.blocks();
+  ASSERT_EQ(blocks.size(), 8U);
+  for (const UltrasoundBlock& block : blocks) {
+    double sum = 0.0;
+    double squares = 0.0;
+    for (const float value : block.ultrasound) {
+      sum += static_cast<double>(value);
+      squares += std::pow(static_cast<double>(value), 2);
+    }
+    EXPECT_NEAR(sum, 0.0, 1e-5);
+    EXPECT_NEAR(squares, 1.0, 1e-5);
+    EXPECT_EQ(block.known, 64.0F);
+    const Vector3d middle = 4.0 * (block.first.cast<double>() + Vector3d::Constant(2.0));
+    EXPECT_LT((block.middle_us_mm - middle).norm(), 1e-9);
+  }
+}
+
+TEST(UltrasoundBlocks, NeedHalfOfTheirCellsAndVariance) {
+  EXPECT_TRUE(UltrasoundCells(cube(32, false), Isometry3d::Identity()).blocks().empty());
+  BeamUltrasound us = cube(16, true);
+  const auto known_below = [&](int samples) {
+    for (std::size_t i = 0; i < us.known.size(); ++i)
+      us.known[i] = static_cast<int>(i % 16) < samples ? 1 : 0;
+    return UltrasoundCells(us, Isometry3d::Identity()).blocks().size();
+  };
+  EXPECT_EQ(known_below(8), 1U);
+  EXPECT_EQ(known_below(4), 0U);
+  EXPECT_EQ(known_below(0), 0U);
+}
+
+/// A search with one start, far from the truth, finds nothing by itself.
+TEST(BlockMatching, TheRegistrationGoesOnWithItsPose) {
+  const RegistrationCase& images = patient_case();
+  const Isometry3d initial = beside_truth(images, {15, -18, 20}, {18, -15, 20});
+  RegistrationOptions options = preset("patient");
+  options.search.starts->count = 1;
+  options.search.rounds = 1;
+  const RegistrationResult alone = registered(images, initial, options);
+  ASSERT_NE(alone.status, RegistrationStatus::kRegistered);
+  options.search.rounds = 2;
+  const RegistrationResult result = registered(images, initial, options);
+  ASSERT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;
+  EXPECT_LT(images.error_mm(*result.T_us_ct), 1.0);
+}
+
+}  // namespace
+}  // namespace usct::test
