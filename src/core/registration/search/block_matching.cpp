@@ -68,7 +68,7 @@ class Matching {
   std::vector<Candidate> optima(const UnpackedCt& ct, const Isometry3d& T_us_ct) const;
 
  private:
-  /// Where a block lies in the CT's lattice, relative to where it lies in the ultrasound.
+  /// The offsets of a block in the lattice of the CT from where it lies in the ultrasound.
   struct Offsets {
     std::vector<Vector3i> of_motions;
     Vector3i least;

@@ -30,7 +30,7 @@ struct SearchProblem {
   std::vector<Eigen::Vector3d> start_shifts_us_mm = {};
   /// Finds the starts, as many as the first level optimises; null: they are spread.
   const BlockMatching* blocks = nullptr;
-  /// Where the ultrasound lies mirrored: see mirror_of.
+  /// This motion of the ultrasound mirrors it: see mirror_of.
   Eigen::Isometry3d mirror = Eigen::Isometry3d::Identity();
 };
 
