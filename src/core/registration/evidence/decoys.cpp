@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 
+#include "registration/motion_about.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::registration {
@@ -15,14 +16,6 @@ using Eigen::Vector3d;
 /// Whether the starts turn so far that half a turn is a pose like others, and no decoy.
 bool reaches_half_turn(const SearchOptions& search) {
   return search.starts && search.starts->rotation_rad > 0.5 * kPi;
-}
-
-/// The motion of the field of view that applies a linear map about its centre.
-Isometry3d about(const Vector3d& centre_us_mm, const Matrix3d& linear) {
-  Isometry3d motion = Isometry3d::Identity();
-  motion.linear() = linear;
-  motion.translation() = centre_us_mm - linear * centre_us_mm;
-  return motion;
 }
 
 /// The normal of the plane in which a mirrored CT is reflected, CT frame.
@@ -133,13 +126,13 @@ Isometry3d mirror_of(Mirror mirror, const BeamGrid& beams, const Vector3d& centr
   Matrix3d linear = Matrix3d::Identity();
   if (mirror != Mirror::kFrames) linear -= 2.0 * axes.lateral * axes.lateral.transpose();
   if (mirror != Mirror::kLines) linear -= 2.0 * axes.elevation * axes.elevation.transpose();
-  return about(centre_us_mm, linear);
+  return motion_about(centre_us_mm, linear);
 }
 
 Isometry3d ct_mirror_of(Mirror mirror, const Matrix3d& axes, const Isometry3d& T_us_ct,
                         const Vector3d& centre_us_mm) {
   const Vector3d normal = T_us_ct.linear() * mirror_normal(mirror, axes);
-  return about(centre_us_mm, Matrix3d::Identity() - 2.0 * normal * normal.transpose());
+  return motion_about(centre_us_mm, Matrix3d::Identity() - 2.0 * normal * normal.transpose());
 }
 
 void MirroredSimilarity::evaluate(const SimilarityPose* poses, std::size_t count,

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "registration/search/ct_sampler.h"
+#include "registration/search/ultrasound_blocks.h"
+#include "similarity/block_kernel.h"
+
+namespace usct::registration {
+
+/// A motion of the field away from an orientation of the CT.
+struct BlockPlace {
+  std::size_t rotation = 0;                         // its index
+  Eigen::Vector3i cells = Eigen::Vector3i::Zero();  // by which the blocks are moved then
+  float explained = 0.0F;  // the sum over the blocks of what block_values_scalar gives
+};
+
+/// Sums over the blocks of the ultrasound of what the CT explains of each, at rotations near one
+/// orientation of the CT and at all translations. A rotation moves the blocks, and does not turn
+/// them.
+class BlockSums {
+ public:
+  /// `blocks` are those of `cells`, which must outlive the object; at least one. The rotations turn
+  /// the field about the centre; translations reach so far along each axis, either way.
+  BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> blocks,
+            std::vector<Eigen::Matrix3d> rotations, double translation_mm,
+            const Eigen::Vector3d& centre_us_mm);
+
+  /// The places that explain most, best first. `T_us_ct` is the orientation, at the initial
+  /// translation. The work is spent by halves: part of the blocks is summed everywhere, and all of
+  /// them at the best optima of that.
+  std::vector<BlockPlace> best(const CtSampler& ct, const Eigen::Isometry3d& T_us_ct) const;
+  Eigen::Isometry3d T_us_ct_at(const BlockPlace& place, const Eigen::Isometry3d& T_us_ct) const;
+
+ private:
+  /// The offsets of a block in the lattice of the CT from where it lies in the ultrasound.
+  struct Offsets {
+    std::vector<Eigen::Vector3i> of_rotations;
+    Eigen::Vector3i least;
+    Eigen::Vector3i most;
+  };
+  Offsets offsets_of(const UltrasoundBlock& block) const;
+  LatticeCt lattice(const CtSampler& ct, const Eigen::Isometry3d& T_us_ct) const;
+  /// The sums of the part of the blocks, for all translations at one rotation after the other.
+  std::vector<float> sums_of_part(const LatticeCt& ct) const;
+  void add(const LatticeCt& ct, std::size_t block, std::vector<float>& values,
+           std::vector<float>& sums) const;
+  std::size_t sums_per_rotation() const {
+    return whole_vectors(translations_) * static_cast<std::size_t>(translations_ * translations_);
+  }
+  void add_optima(const float* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
+  /// Sums all blocks at a place and so many cells around it along each axis, and moves it to the
+  /// highest sum.
+  void climb(const LatticeCt& ct, int around, BlockPlace& place) const;
+
+  const UltrasoundCells& cells_;
+  std::vector<UltrasoundBlock> blocks_;
+  std::size_t part_;  // so many of them come first, spread over all
+  std::vector<Eigen::Matrix3d> rotations_;
+  Eigen::Vector3d centre_us_mm_;
+  int reach_;                     // translations by so many cells along each axis, either way
+  int translations_;              // in all along each axis
+  std::vector<Offsets> offsets_;  // of each block
+  Eigen::Vector3i margin_low_ = Eigen::Vector3i::Zero();
+  Eigen::Vector3i margin_high_ = Eigen::Vector3i::Zero();
+};
+
+}  // namespace usct::registration
