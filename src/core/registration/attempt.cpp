@@ -180,6 +180,7 @@ std::optional<Registration> Attempt::in_one_round() {
   if (!best) return std::nullopt;
   follow_blocks(assessor, optima, *best, 1);
   Registration registration = ended(assessor, optima, *best);
+  registration.by_blocks = true;
   registration.trail.reset();  // tracking climbs by the similarity of the other search
   return registration;
 }

@@ -17,6 +17,8 @@ struct Registration {
   std::optional<Trail> trail;
   /// Whether the registration went on as the preset `patient`.
   bool by_patient = false;
+  /// Whether matched blocks found the pose: `similarity` is then that of their search.
+  bool by_blocks = false;
 };
 
 class Attempt {

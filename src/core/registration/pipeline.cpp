@@ -1,15 +1,12 @@
 #include "registration/pipeline.h"
 
 #include "registration/evidence/acquisition_check.h"
+#include "registration/sweep_correction.h"
 #include "registration/verdict.h"
 #include "similarity/sweep_motion.h"
 
 namespace usct::registration {
 namespace {
-
-bool is_accepted(const Outcome<Registration>& outcome) {
-  return outcome && outcome->result.status == RegistrationStatus::kRegistered;
-}
 
 /// The registration by the images of these options, or nothing where they leave it to those of the
 /// preset `patient`.
@@ -59,12 +56,6 @@ Registration corrected_by(const AcquisitionErrors& errors, Registration registra
   return registration;
 }
 
-/// Whether a correction of the sweep holds: the pose is accepted with it, and the images no longer
-/// show a wrong sweep.
-bool is_confirmed(const Outcome<Registration>& corrected) {
-  return is_accepted(corrected) && !shown_errors(corrected->result.measures).has_wrong_sweep();
-}
-
 /// The registration of ultrasound with its frames where its images show that they lie, if that is
 /// elsewhere than recorded. Where the images do not confirm that, the result is that of the
 /// ultrasound as it was recorded.
@@ -75,7 +66,7 @@ Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, 
   if (lead != nullptr && lead->trail.corrected.any()) {
     const AcquisitionErrors& known = lead->trail.corrected;
     const Outcome<Registration> found = registered_without(known, input, lead, run);
-    if (is_confirmed(found)) return corrected_by(known, *found);
+    if (shows_right_sweep(found)) return corrected_by(known, *found);
     return registered_on_shown_sweep(input, nullptr, run);
   }
   const Outcome<Registration> found = registered(input, lead, run);
@@ -89,7 +80,7 @@ Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, 
   in_one_round.search.rounds = 1;
   const Outcome<Registration> again = registered_without(
       errors, {input.ultrasound, input.ct, input.T_us_ct_initial, in_one_round}, nullptr, run);
-  if (is_confirmed(again)) return corrected_by(errors, *again);
+  if (correction_holds(*found, again)) return corrected_by(errors, *again);
   return *found;
 }
 
