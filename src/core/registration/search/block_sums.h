@@ -29,7 +29,7 @@ class BlockSums {
             const Eigen::Vector3d& centre_us_mm);
 
   /// The places that explain most, best first. `T_us_ct` is the orientation, at the initial
-  /// translation. The work is spent by halves: part of the blocks is summed everywhere, and all of
+  /// translation. A part of the blocks, spread over all, is summed everywhere, and all of
   /// them at the best optima of that.
   std::vector<BlockPlace> best(const CtSampler& ct, const Eigen::Isometry3d& T_us_ct) const;
   Eigen::Isometry3d T_us_ct_at(const BlockPlace& place, const Eigen::Isometry3d& T_us_ct) const;
