@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "finish.h"
-#include "similarity/block_kernel.h"
 #include "similarity/packed_ct.h"
 #include "similarity/ultrasound_patches.h"
 #include "us_ct_registration/similarity/catalogue.h"
@@ -122,27 +121,6 @@ void packing(benchmark::State& state, double ct_mm) {
   finish(state, static_cast<std::int64_t>(volume.voxels.size()));
 }
 
-/// A block of ultrasound at as many translations of the CT as a search with 25 mm and 25 degrees
-/// has.
-void match_block(benchmark::State& state, decltype(&block_values_scalar) kernel) {
-  const Eigen::Vector3i translations(21, 21, 21);
-  LatticeCt lattice;
-  lattice.size = translations + Eigen::Vector3i::Constant(kBlockEdge);
-  for (int i = 0; i < lattice.size.prod() + static_cast<int>(kBlockLanes); ++i) {
-    lattice.value.push_back(static_cast<float>((i * 7919) % 61));
-    lattice.gradient.push_back(static_cast<float>((i * 104729) % 29));
-  }
-  lattice.invert_covariances(100.0F, 9.0F);
-  std::vector<float> block;
-  for (int i = 0; i < 64; ++i) block.push_back(0.125F * (i % 2 == 0 ? 1.0F : -1.0F));
-  std::vector<float> values(21 * 21 * whole_vectors(21) + kBlockLanes);
-  for (auto _ : state) {
-    kernel({lattice, Eigen::Vector3i::Zero(), translations, block.data(), 64.0F}, values.data());
-    benchmark::DoNotOptimize(values.data());
-  }
-  finish(state, translations.prod());
-}
-
 constexpr auto kMs = benchmark::kMillisecond;
 constexpr auto kLocal = "local_lc2";
 constexpr AcquisitionErrors kNone{};
@@ -164,8 +142,6 @@ BENCHMARK_CAPTURE(evaluate, nmi, "nmi", 0, 2, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, correlation_ratio, "correlation_ratio", 0, 2, 1.0, kNone)->Unit(kMs);
 BENCHMARK_CAPTURE(evaluate, joint_correlation_ratio, "joint_correlation_ratio", 0, 2, 1.0, kNone)
     ->Unit(kMs);
-BENCHMARK_CAPTURE(match_block, match_block_scalar, block_values_scalar)->Unit(kMs);
-BENCHMARK_CAPTURE(match_block, match_block_simd, block_values_simd)->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_2x, 2)->Arg(1)->Arg(2)->Unit(kMs);
 BENCHMARK_CAPTURE(cut, cut_1x, 1)->Arg(1)->Arg(2)->Unit(kMs);
 BENCHMARK_CAPTURE(decimation, decimate_2x, 2)->Arg(1)->Arg(2)->Unit(kMs);

@@ -106,12 +106,13 @@ TEST(UltrasoundBlocks, AreNormalisedCubesSideBySide) {
   for (const UltrasoundBlock& block : blocks) {
     double sum = 0.0;
     double squares = 0.0;
-    for (const float value : block.ultrasound) {
-      sum += static_cast<double>(value);
-      squares += std::pow(static_cast<double>(value), 2);
+    for (const std::int16_t value : block.ultrasound) {
+      sum += value;
+      squares += value * value;
     }
-    EXPECT_NEAR(sum, 0.0, 1e-5);
-    EXPECT_NEAR(squares, 1.0, 1e-5);
+    // Each of the 64 cells is rounded.
+    EXPECT_NEAR(sum, 0.0, 32.0);
+    EXPECT_NEAR(std::sqrt(squares), kBlockNorm, 4.0);
     EXPECT_EQ(block.known, 64.0F);
     const Vector3d middle = 4.0 * (block.first.cast<double>() + Vector3d::Constant(2.0));
     EXPECT_LT((block.middle_us_mm - middle).norm(), 1e-9);

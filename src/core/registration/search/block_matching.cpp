@@ -73,14 +73,13 @@ std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
   const Vector3d& centre = field.centre_us_mm();
   const BlockSums sums(cells, std::move(blocks), rotations_near(region), region.translation_mm,
                        centre);
-  const CtSampler ct(*ct_);
   const std::vector<Vector3d> orientations = middles_of_parts(region.rotation_rad, parts);
   std::vector<std::vector<Candidate>> found(orientations.size());
   parallel_for(static_cast<int>(orientations.size()), [&](int i) {
     run.check_cancelled();
     const auto at = static_cast<std::size_t>(i);
     const Isometry3d T_us_ct = motion_about(centre, rotation(orientations[at])) * T_us_ct_initial;
-    for (const BlockPlace& place : sums.best(ct, T_us_ct))
+    for (const BlockPlace& place : sums.best(*ct_, T_us_ct))
       found[at].push_back(
           {sums.T_us_ct_at(place, T_us_ct), {}, static_cast<double>(place.explained), 0.0});
   });

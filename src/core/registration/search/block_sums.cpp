@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "registration/motion_about.h"
 
@@ -14,8 +15,8 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 /// The ridges of value and gradient, as standard deviations.
-constexpr float kRidgeHu = 10.0F;
-constexpr float kRidgeHuPerMm = 3.0F;
+constexpr double kRidgeHu = 10.0;
+constexpr double kRidgeHuPerMm = 3.0;
 
 /// So many optima of a part of the blocks are summed over all blocks, and so many of these also at
 /// the translations around them.
@@ -47,10 +48,15 @@ std::size_t spread_part(std::vector<UltrasoundBlock>& blocks) {
 }
 
 void keep_best(std::vector<BlockPlace>& places, std::size_t most) {
-  std::stable_sort(places.begin(), places.end(), [](const BlockPlace& a, const BlockPlace& b) {
-    return a.explained > b.explained;
-  });
-  if (places.size() > most) places.resize(most);
+  const auto rank = [](const BlockPlace& place) {
+    return std::make_tuple(-place.explained, place.rotation, place.cells.z(), place.cells.y(),
+                           place.cells.x());
+  };
+  most = std::min(most, places.size());
+  std::partial_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(most),
+                    places.end(),
+                    [&](const BlockPlace& a, const BlockPlace& b) { return rank(a) < rank(b); });
+  places.resize(most);
 }
 
 }  // namespace
@@ -90,62 +96,67 @@ BlockSums::Offsets BlockSums::offsets_of(const UltrasoundBlock& block) const {
   return offsets;
 }
 
-LatticeCt BlockSums::lattice(const CtSampler& ct, const Isometry3d& T_us_ct) const {
-  LatticeCt lattice;
-  lattice.size = cells_.size() + margin_low_ + margin_high_;
-  const std::size_t count = static_cast<std::size_t>(lattice.size.prod()) + kBlockLanes;
-  lattice.value.resize(count);
-  lattice.gradient.resize(count);
+LatticeCt BlockSums::lattice(const PackedCt& ct, const Isometry3d& T_us_ct) const {
   const Isometry3d T_ct_us = T_us_ct.inverse();
-  const auto index = [&](const Vector3d& cell) {
-    return ct.grid().index_from_physical(T_ct_us *
-                                         cells_.middle_us_mm(cell - margin_low_.cast<double>()));
+  const auto index = [&](const Vector3d& point) {
+    const Vector3d cell = point - margin_low_.cast<double>();
+    return ct.grid().index_from_physical(T_ct_us * cells_.middle_us_mm(cell));
   };
-  const Vector3d step = index(Vector3d::UnitX()) - index(Vector3d::Zero());
-  for (int k = 0; k < lattice.size.z(); ++k)
-    for (int j = 0; j < lattice.size.y(); ++j) {
-      const std::size_t begin = lattice.place({0, j, k});
-      ct.sample(index(Vector3d(0.0, j, k)), step, static_cast<std::size_t>(lattice.size.x()),
-                &lattice.value[begin], &lattice.gradient[begin]);
-    }
-  lattice.invert_covariances(kRidgeHu * kRidgeHu, kRidgeHuPerMm * kRidgeHuPerMm);
-  return lattice;
+  Eigen::Affine3d T_index_lattice = Eigen::Affine3d::Identity();
+  T_index_lattice.translation() = index(Vector3d::Zero());
+  for (int axis = 0; axis < 3; ++axis)
+    T_index_lattice.linear().col(axis) =
+        index(Vector3d::Unit(axis)) - T_index_lattice.translation();
+  return sampled_lattice(ct, T_index_lattice, cells_.size() + margin_low_ + margin_high_, kRidgeHu,
+                         kRidgeHuPerMm);
 }
 
-void BlockSums::add(const LatticeCt& ct, std::size_t block, std::vector<float>& values,
-                    std::vector<float>& sums) const {
-  const Offsets& offsets = offsets_[block];
+BlockValues BlockSums::write_values(const LatticeCt& ct, std::size_t block, const Vector3i& first,
+                                    const Vector3i& count,
+                                    std::vector<std::uint8_t>& values) const {
   const UltrasoundBlock& of = blocks_[block];
-  const Vector3i first = of.first + margin_low_ + offsets.least - Vector3i::Constant(reach_);
-  const Vector3i count = offsets.most - offsets.least + Vector3i::Constant(translations_);
   const std::size_t row = whole_vectors(count.x());
   const std::size_t slice = row * static_cast<std::size_t>(count.y());
   values.resize(slice * static_cast<std::size_t>(count.z()) + kBlockLanes);
-  block_values_simd({ct, first, count, of.ultrasound.data(), of.known}, values.data());
-  for (std::size_t r = 0; r < rotations_.size(); ++r) {
-    const Vector3i at = offsets.of_rotations[r] - offsets.least;
-    add_block_simd(
-        {values.data() + static_cast<std::size_t>(at.x()) + static_cast<std::size_t>(at.y()) * row +
-             static_cast<std::size_t>(at.z()) * slice,
-         row, slice, Vector3i::Constant(translations_), sums.data() + r * sums_per_rotation()});
-  }
+  block_values_simd({ct, of.first + margin_low_ + first, count, of.ultrasound, of.known},
+                    values.data());
+  return {values.data(), row, slice};
 }
 
-std::vector<float> BlockSums::sums_of_part(const LatticeCt& ct) const {
-  std::vector<float> sums(rotations_.size() * sums_per_rotation());
-  std::vector<float> values;
-  for (std::size_t block = 0; block < part_; ++block) add(ct, block, values, sums);
+std::vector<std::uint16_t> BlockSums::sums_of_part(const LatticeCt& ct) const {
+  std::vector<std::uint16_t> sums(rotations_.size() * sums_per_rotation());
+  const std::vector<std::uint8_t> zeros(whole_vectors(translations_));
+  Batch values;
+  for (std::size_t begin = 0; begin < part_; begin += kBlocksAdded) {
+    const std::size_t count = std::min(kBlocksAdded, part_ - begin);
+    std::array<BlockValues, kBlocksAdded> written;
+    written.fill({zeros.data(), 0, 0});
+    for (std::size_t i = 0; i < count; ++i) {
+      const Offsets& offsets = offsets_[begin + i];
+      written[i] =
+          write_values(ct, begin + i, offsets.least - Vector3i::Constant(reach_),
+                       offsets.most - offsets.least + Vector3i::Constant(translations_), values[i]);
+    }
+    for (std::size_t r = 0; r < rotations_.size(); ++r) {
+      BlockSum sum{written, Vector3i::Constant(translations_), &sums[r * sums_per_rotation()]};
+      for (std::size_t i = 0; i < count; ++i) {
+        const Offsets& offsets = offsets_[begin + i];
+        sum.blocks[i] = sum.blocks[i].from(offsets.of_rotations[r] - offsets.least);
+      }
+      add_blocks_simd(sum);
+    }
+  }
   return sums;
 }
 
-void BlockSums::add_optima(const float* sums, std::size_t rotation,
+void BlockSums::add_optima(const std::uint16_t* sums, std::size_t rotation,
                            std::vector<BlockPlace>& optima) const {
   const auto row = static_cast<std::ptrdiff_t>(whole_vectors(translations_));
   const std::ptrdiff_t slice = row * translations_;
   for (int z = 0; z < translations_; ++z)
     for (int y = 0; y < translations_; ++y)
       for (int x = 0; x < translations_; ++x) {
-        const float* here = sums + z * slice + y * row + x;
+        const std::uint16_t* here = sums + z * slice + y * row + x;
         const auto falls = [&](int i, std::ptrdiff_t step) {
           return (i == 0 || here[-step] <= *here) && (i + 1 == translations_ || here[step] < *here);
         };
@@ -155,36 +166,29 @@ void BlockSums::add_optima(const float* sums, std::size_t rotation,
 }
 
 void BlockSums::climb(const LatticeCt& ct, int around, BlockPlace& place) const {
-  const int edge = 2 * around + 1;
-  const std::size_t row = whole_vectors(edge);
-  const std::size_t slice = row * static_cast<std::size_t>(edge);
-  std::vector<float> values(slice * static_cast<std::size_t>(edge) + kBlockLanes);
-  std::vector<float> sums(values.size());
-  const Vector3i moved = place.cells + margin_low_ - Vector3i::Constant(around);
+  const Vector3i edges = Vector3i::Constant(2 * around + 1);
+  const Vector3i first = place.cells - Vector3i::Constant(around);
+  std::vector<std::uint8_t> values;
+  std::vector<int> sums(whole_vectors(edges.x()) * static_cast<std::size_t>(edges.y() * edges.z()));
+  BlockValues written;
   for (std::size_t block = 0; block < blocks_.size(); ++block) {
-    const UltrasoundBlock& of = blocks_[block];
-    block_values_simd({ct, of.first + offsets_[block].of_rotations[place.rotation] + moved,
-                       Vector3i::Constant(edge), of.ultrasound.data(), of.known},
-                      values.data());
-    add_block_simd({values.data(), row, slice, Vector3i::Constant(edge), sums.data()});
+    written = write_values(ct, block, offsets_[block].of_rotations[place.rotation] + first, edges,
+                           values);
+    for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += values[i];
   }
-  BlockPlace best = place;
-  best.explained = 0.0F;
-  for (int z = 0; z < edge; ++z)
-    for (int y = 0; y < edge; ++y)
-      for (int x = 0; x < edge; ++x) {
-        const float sum = sums[static_cast<std::size_t>(x) + static_cast<std::size_t>(y) * row +
-                               static_cast<std::size_t>(z) * slice];
-        if (sum > best.explained)
-          best = {place.rotation, place.cells + Vector3i(x, y, z) - Vector3i::Constant(around),
-                  sum};
+  place.explained = 0;
+  for (int z = 0; z < edges.z(); ++z)
+    for (int y = 0; y < edges.y(); ++y)
+      for (int x = 0; x < edges.x(); ++x) {
+        const auto at = static_cast<std::size_t>(written.from({x, y, z}).first - values.data());
+        if (sums[at] > place.explained)
+          place = {place.rotation, first + Vector3i(x, y, z), sums[at]};
       }
-  place = best;
 }
 
-std::vector<BlockPlace> BlockSums::best(const CtSampler& ct, const Isometry3d& T_us_ct) const {
+std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_us_ct) const {
   const LatticeCt lattice = this->lattice(ct, T_us_ct);
-  const std::vector<float> sums = sums_of_part(lattice);
+  const std::vector<std::uint16_t> sums = sums_of_part(lattice);
   std::vector<BlockPlace> places;
   for (std::size_t r = 0; r < rotations_.size(); ++r)
     add_optima(sums.data() + r * sums_per_rotation(), r, places);

@@ -1,12 +1,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <vector>
 
-#include "registration/search/ct_sampler.h"
 #include "registration/search/ultrasound_blocks.h"
 #include "similarity/block_kernel.h"
+#include "similarity/packed_ct.h"
 
 namespace usct::registration {
 
@@ -14,7 +15,7 @@ namespace usct::registration {
 struct BlockPlace {
   std::size_t rotation = 0;                         // its index
   Eigen::Vector3i cells = Eigen::Vector3i::Zero();  // by which the blocks are moved then
-  float explained = 0.0F;  // the sum over the blocks of what block_values_scalar gives
+  int explained = 0;  // the sum over the blocks of what block_values_scalar gives
 };
 
 /// Sums over the blocks of the ultrasound of what the CT explains of each, at rotations near one
@@ -31,7 +32,7 @@ class BlockSums {
   /// The places that explain most, best first. `T_us_ct` is the orientation, at the initial
   /// translation. A part of the blocks, spread over all, is summed everywhere, and all of
   /// them at the best optima of that.
-  std::vector<BlockPlace> best(const CtSampler& ct, const Eigen::Isometry3d& T_us_ct) const;
+  std::vector<BlockPlace> best(const PackedCt& ct, const Eigen::Isometry3d& T_us_ct) const;
   Eigen::Isometry3d T_us_ct_at(const BlockPlace& place, const Eigen::Isometry3d& T_us_ct) const;
 
  private:
@@ -42,15 +43,20 @@ class BlockSums {
     Eigen::Vector3i most;
   };
   Offsets offsets_of(const UltrasoundBlock& block) const;
-  LatticeCt lattice(const CtSampler& ct, const Eigen::Isometry3d& T_us_ct) const;
+  LatticeCt lattice(const PackedCt& ct, const Eigen::Isometry3d& T_us_ct) const;
   /// The sums of the part of the blocks, for all translations at one rotation after the other.
-  std::vector<float> sums_of_part(const LatticeCt& ct) const;
-  void add(const LatticeCt& ct, std::size_t block, std::vector<float>& values,
-           std::vector<float>& sums) const;
+  std::vector<std::uint16_t> sums_of_part(const LatticeCt& ct) const;
+  /// Values of blocks that are added to sums together.
+  using Batch = std::array<std::vector<std::uint8_t>, kBlocksAdded>;
+  /// The values of a block at so many translations, the first of which leads so far from where it
+  /// lies in the ultrasound.
+  BlockValues write_values(const LatticeCt& ct, std::size_t block, const Eigen::Vector3i& first,
+                           const Eigen::Vector3i& count, std::vector<std::uint8_t>& values) const;
   std::size_t sums_per_rotation() const {
     return whole_vectors(translations_) * static_cast<std::size_t>(translations_ * translations_);
   }
-  void add_optima(const float* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
+  void add_optima(const std::uint16_t* sums, std::size_t rotation,
+                  std::vector<BlockPlace>& optima) const;
   /// Sums all blocks at a place and so many cells around it along each axis, and moves it to the
   /// highest sum.
   void climb(const LatticeCt& ct, int around, BlockPlace& place) const;

@@ -23,20 +23,21 @@ void for_known(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, const 
   }
 }
 
-/// Mean 0 and norm 1 over the known cells; false if they do not vary.
-bool normalise(std::array<float, kBlockCells>& values, const std::array<bool, kBlockCells>& known,
-               float count) {
+/// Nothing if the known cells do not vary.
+std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& values,
+                                          const std::array<bool, kBlockCells>& known, float count) {
   float mean = 0.0F;
   for (const float value : values) mean += value / count;
+  const auto deviation = [&](std::size_t i) { return known[i] ? values[i] - mean : 0.0F; };
   float squares = 0.0F;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    values[i] = known[i] ? values[i] - mean : 0.0F;
-    squares += values[i] * values[i];
-  }
+  for (std::size_t i = 0; i < values.size(); ++i) squares += deviation(i) * deviation(i);
   // Rounding leaves no variance of less than this to constant ultrasound.
-  if (!(squares > 1e-6F * count * mean * mean) || !(squares > 0.0F)) return false;
-  for (float& value : values) value /= std::sqrt(squares);
-  return true;
+  if (!(squares > 1e-6F * count * mean * mean) || !(squares > 0.0F)) return std::nullopt;
+  BlockUltrasound block;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    block[i] =
+        static_cast<std::int16_t>(std::lround(kBlockNorm * deviation(i) / std::sqrt(squares)));
+  return block;
 }
 
 }  // namespace
@@ -58,6 +59,7 @@ UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry
 std::optional<UltrasoundBlock> UltrasoundCells::block_at(const Vector3i& first) const {
   UltrasoundBlock block;
   block.first = first;
+  std::array<float, kBlockCells> values{};
   std::array<bool, kBlockCells> known{};
   Vector3d sum_mm = Vector3d::Zero();
   std::size_t i = 0;
@@ -66,14 +68,15 @@ std::optional<UltrasoundBlock> UltrasoundCells::block_at(const Vector3i& first) 
       for (int x = 0; x < kBlockEdge; ++x, ++i) {
         const Vector3i cell = first + Vector3i(x, y, z);
         known[i] = is_known(cell);
-        block.ultrasound[i] = 0.0F;
         if (!known[i]) continue;
-        block.ultrasound[i] = cells_[place(cell)].sum / cells_[place(cell)].count;
+        values[i] = cells_[place(cell)].sum / cells_[place(cell)].count;
         block.known += 1.0F;
         sum_mm += middle_us_mm(cell.cast<double>());
       }
   if (block.known < 0.5F * kBlockCells) return std::nullopt;
-  if (!normalise(block.ultrasound, known, block.known)) return std::nullopt;
+  const std::optional<BlockUltrasound> ultrasound = normalised(values, known, block.known);
+  if (!ultrasound) return std::nullopt;
+  block.ultrasound = *ultrasound;
   block.middle_us_mm = sum_mm / static_cast<double>(block.known);
   return block;
 }

@@ -10,14 +10,12 @@
 
 namespace usct::registration {
 
-constexpr int kBlockCells = kBlockEdge * kBlockEdge * kBlockEdge;
-
 /// A cube of cells of the ultrasound.
 struct UltrasoundBlock {
-  Eigen::Vector3i first;                      // its first cell
-  Eigen::Vector3d middle_us_mm;               // of its known cells
-  std::array<float, kBlockCells> ultrasound;  // as BlockMatch::ultrasound
-  float known = 0.0F;
+  Eigen::Vector3i first;         // its first cell
+  Eigen::Vector3d middle_us_mm;  // of its known cells
+  BlockUltrasound ultrasound;
+  float known = 0.0F;  // cells
 };
 
 /// Ultrasound averaged in the cells of a lattice along the axes of the US frame, and cut into

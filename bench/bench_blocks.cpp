@@ -1,0 +1,102 @@
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/similarity/instructions.h"
+#include "finish.h"
+#include "similarity/block_kernel.h"
+
+namespace usct {
+namespace {
+
+using Kernel = std::int64_t;  // instructions of the vector kernel, or none
+constexpr Kernel kScalar = -1;
+
+/// Makes the vector kernel run with some instructions, if the processor has them.
+class Used {
+ public:
+  Used(benchmark::State& state, Kernel kernel)
+      : available_(kernel == kScalar || (hwy::SupportedTargets() & kernel) != 0) {
+    if (!available_) state.SkipWithError("this processor lacks the instructions");
+    if (available_ && kernel != kScalar) instructions_.emplace(kernel);
+  }
+  bool available() const { return available_; }
+
+ private:
+  bool available_;
+  std::optional<test::Instructions> instructions_;
+};
+
+/// Numbers as those of a CT at the points of a lattice.
+LatticeCt lattice(const Eigen::Vector3i& size) {
+  LatticeCt lattice(size);
+  for (std::size_t i = 0; i < lattice.value.size(); ++i) {
+    lattice.value[i] = static_cast<std::uint32_t>(i * 7919 % 6100 + 6000);
+    lattice.gradient[i] = static_cast<std::uint32_t>(i * 104729 % 2900);
+  }
+  for (std::vector<std::uint32_t>* words : {&lattice.value, &lattice.gradient})
+    for (std::size_t i = 0; i + 1 < words->size(); ++i) (*words)[i] |= (*words)[i + 1] << 16;
+  lattice.invert_covariances(9e4F, 9e4F);
+  return lattice;
+}
+
+/// A block of ultrasound at as many translations of the CT as a search with 25 mm and 25 degrees
+/// has.
+void match_block(benchmark::State& state, Kernel kernel) {
+  const Used used(state, kernel);
+  if (!used.available()) return;
+  const Eigen::Vector3i translations(28, 28, 28);
+  const LatticeCt ct = lattice(Eigen::Vector3i(97, 75, 81));
+  BlockUltrasound block;
+  for (std::size_t i = 0; i < block.size(); ++i)
+    block[i] = static_cast<std::int16_t>(i % 2 == 0 ? 1024 : -1024);
+  std::vector<std::uint8_t> values(28 * 28 * whole_vectors(28));
+  const auto values_of = kernel == kScalar ? block_values_scalar : block_values_simd;
+  for (auto _ : state) {
+    values_of({ct, Eigen::Vector3i(20, 20, 20), translations, block, 64.0F}, values.data());
+    benchmark::DoNotOptimize(values.data());
+  }
+  finish(state, translations.prod());
+}
+
+/// The rotations of a search of that size, for four blocks.
+void add_blocks(benchmark::State& state, Kernel kernel) {
+  const Used used(state, kernel);
+  if (!used.available()) return;
+  constexpr int kRotations = 64;
+  const Eigen::Vector3i translations(15, 15, 15);
+  const std::size_t row = whole_vectors(28);
+  const std::vector<std::uint8_t> values(row * 28 * 28, 9);
+  std::vector<std::uint16_t> sums(kRotations * 15 * 15 * whole_vectors(15));
+  const auto add = kernel == kScalar ? add_blocks_scalar : add_blocks_simd;
+  for (auto _ : state)
+    for (int r = 0; r < kRotations; ++r) {
+      BlockSum sum{
+          {}, translations, &sums[static_cast<std::size_t>(r) * 15 * 15 * whole_vectors(15)]};
+      sum.blocks.fill(BlockValues{values.data(), row, row * 28}.from({r % 12, r % 13, r % 11}));
+      add(sum);
+      benchmark::DoNotOptimize(sums.data());
+    }
+  finish(state, kRotations * translations.prod() * static_cast<int>(kBlocksAdded));
+}
+
+void invert_covariances(benchmark::State& state) {
+  LatticeCt ct = lattice(Eigen::Vector3i(97, 75, 81));
+  for (auto _ : state) {
+    ct.invert_covariances(9e4F, 9e4F);
+    benchmark::DoNotOptimize(ct.inverse_vv.data());
+  }
+  finish(state, ct.size.prod());
+}
+
+constexpr auto kMs = benchmark::kMillisecond;
+BENCHMARK_CAPTURE(match_block, scalar, kScalar)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx2, HWY_AVX2)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512, HWY_AVX3)->Unit(kMs);
+BENCHMARK_CAPTURE(add_blocks, scalar, kScalar)->Unit(kMs);
+BENCHMARK_CAPTURE(add_blocks, avx2, HWY_AVX2)->Unit(kMs);
+BENCHMARK_CAPTURE(add_blocks, avx512, HWY_AVX3)->Unit(kMs);
+BENCHMARK(invert_covariances)->Unit(kMs);
+
+}  // namespace
+}  // namespace usct
