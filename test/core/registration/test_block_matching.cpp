@@ -1,10 +1,13 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/registration/registration_cases.h"
+#include "registration/evidence/decoys.h"
 #include "registration/images/image_pyramid.h"
 #include "registration/search/block_matching.h"
+#include "registration/search/block_search.h"
 #include "registration/search/ultrasound_blocks.h"
 
 namespace usct::test {
@@ -15,6 +18,7 @@ using Eigen::Vector3d;
 using registration::BlockMatching;
 using registration::Candidate;
 using registration::ImagePyramid;
+using registration::RegistrationInput;
 using registration::Run;
 using registration::UltrasoundBlock;
 using registration::UltrasoundCells;
@@ -22,11 +26,17 @@ using registration::UltrasoundCells;
 /// The images of the preset `patient` around an initial pose, and what blocks find from there.
 class Matched {
  public:
-  Matched(const RegistrationCase& images, const Isometry3d& T_us_ct_initial)
+  Matched(const RegistrationCase& images, const Isometry3d& T_us_ct_initial,
+          const StartOptions& region = *preset("patient").search.starts)
       : images_(images),
         initial_(T_us_ct_initial),
         ct_(images.ct),
-        pyramid_(*registration::prepare({images.us, ct_, initial_, options_}, run_)) {}
+        options_(with(region)),
+        pyramid_(*registration::prepare(input(), run_)) {}
+
+  RegistrationInput input() const { return {images_.us, ct_, initial_, options_}; }
+  const ImagePyramid& images() const { return pyramid_; }
+  Run& run() { return run_; }
 
   std::vector<Candidate> poses(const Isometry3d& mirror = Isometry3d::Identity()) {
     const BlockMatching matching(pyramid_.levels.back().images->shared_ultrasound(),
@@ -36,6 +46,12 @@ class Matched {
   }
 
  private:
+  static RegistrationOptions with(const StartOptions& region) {
+    RegistrationOptions options = preset("patient");
+    options.search.starts = region;
+    return options;
+  }
+
   const RegistrationCase& images_;
   const Isometry3d initial_;
   const PreparedCt ct_;
@@ -45,8 +61,9 @@ class Matched {
   const ImagePyramid pyramid_;
 };
 
-/// Cells are 4 mm wide and orientations 6 degrees apart, which moves the kidney by 5 mm at most.
+/// Cells are 4 mm wide and the last rotations 3 degrees apart, and a block is not turned.
 constexpr double kNearMm = 7.0;
+const StartOptions kAllOrientations{StartRegion::kBall, 512, kPi, 30.0};
 
 TEST(BlockMatching, FindsThePoseFromWhereNoClimbWould) {
   for (const RegistrationCase* images : {&agar_case(), &patient_case()})
@@ -77,9 +94,47 @@ TEST(BlockMatching, FindsMirroredUltrasoundWhereItsMirrorImageLies) {
   EXPECT_LT(images.error_mm(poses.front().T_us_ct), kNearMm);
 }
 
-TEST(BlockMatching, CoversTheOrientationsOfThePresetsButNotAll) {
+TEST(BlockMatching, FindsThePoseInTheRegionOfTheGlobalPreset) {
+  for (const RegistrationCase* images : {&agar_case(), &patient_case()}) {
+    const Isometry3d initial = beside_truth(*images, {35, -30, 38}, {-22, 18, 25});
+    const std::vector<Candidate> poses =
+        Matched(*images, initial, *preset("global").search.starts).poses();
+    EXPECT_TRUE(std::any_of(poses.begin(), poses.end(), [&](const Candidate& pose) {
+      return images->error_mm(pose.T_us_ct) < kNearMm;
+    }));
+  }
+}
+
+TEST(BlockMatching, FindsThePoseAtAnyOrientation) {
+  const RegistrationCase& images = patient_case();
+  for (const Vector3d& turn_deg : {Vector3d(100, -90, 80), Vector3d(0, 0, 180)}) {
+    const Isometry3d initial = beside_truth(images, turn_deg, {15, -10, 12});
+    const std::vector<Candidate> poses = Matched(images, initial, kAllOrientations).poses();
+    ASSERT_FALSE(poses.empty());
+    EXPECT_LT(images.error_mm(poses.front().T_us_ct), kNearMm) << turn_deg.transpose();
+  }
+}
+
+/// At all orientations a mirror image is any other one, turned.
+TEST(BlockMatching, ComparesWithOneMirrorImageAtAllOrientations) {
+  const RegistrationCase& images = agar_case();
+  Matched matched(images, images.T_us_ct_true, kAllOrientations);
+  const auto search = registration::block_search(matched.input(), matched.images());
+  ASSERT_NE(search, nullptr);
+  const std::vector<registration::Decoy> decoys = registration::search_decoys(
+      search->problem(), images.T_us_ct_true, images.us.beams, 1, matched.run());
+  ASSERT_EQ(decoys.size(), 1U);
+  EXPECT_EQ(decoys.front().mirror, Mirror::kLines);
+  EXPECT_TRUE(registration::search_mirrored_ct(search->problem(), images.T_us_ct_true,
+                                               images.ct.grid.direction, 1, matched.run())
+                  .empty());
+}
+
+TEST(BlockMatching, CoversTheRegionsOfThePresetsAndAllOrientations) {
   EXPECT_TRUE(BlockMatching::covers(*preset("patient").search.starts));
-  EXPECT_FALSE(BlockMatching::covers({StartRegion::kBall, 512, kPi, 25.0}));
+  EXPECT_TRUE(BlockMatching::covers(*preset("global").search.starts));
+  EXPECT_TRUE(BlockMatching::covers(kAllOrientations));
+  EXPECT_FALSE(BlockMatching::covers({StartRegion::kBox, 512, 1.7, 25.0}));
   EXPECT_FALSE(BlockMatching::covers({StartRegion::kBox, 512, 0.4, 100.0}));
 }
 

@@ -59,9 +59,11 @@ PackedCt ct_around(int edge_mm) {
 
 class BlockSumsOf : public testing::TestWithParam<int> {
  protected:
-  BlockSums sums(std::vector<Matrix3d> rotations, double translation_mm) const {
-    const double half_mm = 0.5 * GetParam();
-    return {cells_, blocks_, std::move(rotations), translation_mm, Vector3d::Constant(half_mm)};
+  using Everywhere = BlockSums::Everywhere;
+  BlockSums sums(std::vector<Matrix3d> rotations, double translation_mm,
+                 Everywhere summed = Everywhere::kPart) const {
+    const Vector3d middle_mm = Vector3d::Constant(0.5 * GetParam());
+    return {cells_, blocks_, summed, std::move(rotations), translation_mm, middle_mm};
   }
   const UltrasoundCells cells_{bright_as_ct(GetParam()), Isometry3d::Identity()};
   const std::vector<UltrasoundBlock> blocks_ = cells_.blocks();
@@ -96,6 +98,16 @@ TEST_P(BlockSumsOf, ExplainsAsMuchAtEachPlaceAsItSays) {
       EXPECT_LE(place.explained, places[i - 1].explained);
     }
   }
+}
+
+/// The best place by all blocks everywhere is the best by a part of them, and counts as much.
+TEST_P(BlockSumsOf, FindsByAPartWhatAllFind) {
+  const std::vector<Matrix3d> rotations{turn_, Matrix3d::Identity()};
+  const BlockPlace by_part = sums(rotations, 20.0).best(ct_, T_us_ct_).front();
+  const BlockPlace by_all = sums(rotations, 20.0, Everywhere::kAll).best(ct_, T_us_ct_).front();
+  EXPECT_EQ(by_part.rotation, by_all.rotation);
+  EXPECT_EQ(by_part.cells, by_all.cells);
+  EXPECT_EQ(by_part.explained, by_all.explained);
 }
 
 /// Of 64 blocks all are summed everywhere, of 512 every other one, and of 1000 every fourth.

@@ -18,6 +18,14 @@ bool reaches_half_turn(const SearchOptions& search) {
   return search.starts && search.starts->rotation_rad > 0.5 * kPi;
 }
 
+/// Whether all mirror images are one: at all orientations, as far as blocks are matched there,
+/// every reflection is any other one, turned.
+bool have_one_mirror_image(const SearchProblem& problem) {
+  const std::optional<StartOptions>& starts = problem.options.starts;
+  return problem.blocks != nullptr && starts && starts->region == StartRegion::kBall &&
+         starts->rotation_rad > 0.99 * kPi;
+}
+
 /// The normal of the plane in which a mirrored CT is reflected, CT frame.
 Vector3d mirror_normal(Mirror mirror, const Matrix3d& axes) {
   switch (mirror) {
@@ -194,6 +202,7 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kLines, Mirror::kFrames, Mirror::kHalfTurn}) {
     if (mirror == Mirror::kHalfTurn && reaches_half_turn(problem.options)) continue;
+    if (mirror != Mirror::kLines && have_one_mirror_image(problem)) continue;
     decoys.push_back({mirror,
                       mirror_of(mirror, beams, centre),
                       {},
@@ -207,6 +216,7 @@ std::vector<Decoy> search_decoys(const SearchProblem& problem,
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       const Eigen::Isometry3d& T_us_ct_found, const Matrix3d& axes,
                                       int rounds, Run& run) {
+  if (have_one_mirror_image(problem)) return {};  // that of the ultrasound
   std::vector<Decoy> decoys;
   for (const Mirror mirror : {Mirror::kCtAxis1, Mirror::kCtAxis2, Mirror::kCtAxis3,
                               Mirror::kCtAxes12, Mirror::kCtAxes13, Mirror::kCtAxes23}) {

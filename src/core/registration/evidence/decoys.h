@@ -88,7 +88,8 @@ bool is_of_ct(Mirror mirror);
 
 /// Searches for ultrasound that is mirrored as a mirrored CT would be, wider than `problem` does:
 /// the middle of the anatomy need not be that of the field, in which the CT is mirrored here. The
-/// mirrored CTs compete, for at most one of them is right.
+/// mirrored CTs compete, for at most one of them is right. Empty where blocks are matched at all
+/// orientations, at which mirrored ultrasound is a mirrored CT.
 std::vector<Decoy> search_mirrored_ct(const SearchProblem& problem,
                                       const Eigen::Isometry3d& T_us_ct_found,
                                       const Eigen::Matrix3d& axes, int rounds, Run& run);

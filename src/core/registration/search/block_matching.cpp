@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "parallel.h"
 #include "registration/motion_about.h"
@@ -16,24 +17,21 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 /// Blocks are compared at orientations that lie so far from each other at most, and summed at
-/// rotations in between that lie so far from each other at most.
-constexpr double kOrientationRad = 25.0 * kDegree;
-constexpr double kRotationRad = 6.3 * kDegree;
-/// More orientations along each axis, or translations farther than this, take longer and more
-/// memory than what they find is worth.
+/// rotations in between that lie so far from each other at most. A block may be turned by half of
+/// that: it then lies a cell beside the CT at its corners.
+constexpr double kOrientationRad = 40.0 * kDegree;
+constexpr double kRotationRad = 10.0 * kDegree;
+/// A box of rotation vectors has more parts along each axis only if it reaches most of all turns.
 constexpr int kMostParts = 4;
+/// Evenly spread orientations are not a lattice: so many times as many as parts would fill.
+constexpr double kSpreadDensity = 1.25;
+/// Translations farther than this take more time and memory than what they find is worth.
 constexpr double kMostMm = 40.0;
 
-/// Rotation vectors in the middles of count^3 equal parts of a cube around 0.
-std::vector<Vector3d> middles_of_parts(double half_width, int count) {
-  const double width = 2.0 * half_width / count;
-  const auto middle = [&](int i) { return -half_width + (i + 0.5) * width; };
-  std::vector<Vector3d> middles;
-  for (int x = 0; x < count; ++x)
-    for (int y = 0; y < count; ++y)
-      for (int z = 0; z < count; ++z) middles.emplace_back(middle(x), middle(y), middle(z));
-  return middles;
-}
+/// The best places are searched again around them, at so many rotations along each axis and with
+/// translations up to that.
+constexpr int kFineRotations = 3;
+constexpr double kFineMm = 8.0;
 
 int parts_of(double width, double most) {
   return std::max(1, static_cast<int>(std::ceil(width / most)));
@@ -45,48 +43,104 @@ Matrix3d rotation(const Vector3d& vector) {
   return Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix();
 }
 
-/// The rotations at which blocks are summed near each orientation.
-std::vector<Matrix3d> rotations_near(const StartOptions& region) {
-  const double width =
-      2.0 * region.rotation_rad / parts_of(2.0 * region.rotation_rad, kOrientationRad);
-  std::vector<Matrix3d> rotations;
-  for (const Vector3d& vector : middles_of_parts(0.5 * width, parts_of(width, kRotationRad)))
-    rotations.push_back(rotation(vector));
-  return rotations;
+/// Rotations by the vectors in the middles of count^3 equal parts of a cube around 0.
+std::vector<Matrix3d> middles_of_parts(double half_width, int count) {
+  const double width = 2.0 * half_width / count;
+  const auto middle = [&](int i) { return -half_width + (i + 0.5) * width; };
+  std::vector<Matrix3d> middles;
+  for (int x = 0; x < count; ++x)
+    for (int y = 0; y < count; ++y)
+      for (int z = 0; z < count; ++z)
+        middles.push_back(rotation({middle(x), middle(y), middle(z)}));
+  return middles;
+}
+
+/// The orientations of a region, at the initial translation.
+std::vector<Isometry3d> orientations_of(const StartOptions& region,
+                                        const Isometry3d& T_us_ct_initial,
+                                        const FieldPoints& field) {
+  const int parts = parts_of(2.0 * region.rotation_rad, kOrientationRad);
+  std::vector<Isometry3d> orientations;
+  if (parts <= kMostParts) {
+    for (const Matrix3d& turn : middles_of_parts(region.rotation_rad, parts))
+      orientations.push_back(motion_about(field.centre_us_mm(), turn) * T_us_ct_initial);
+    return orientations;
+  }
+  // Turns by up to an angle a fill 8 pi (a - sin a) of the rotation group, where small turns have
+  // the volume of their rotation vectors.
+  const double volume = 8.0 * kPi * (region.rotation_rad - std::sin(region.rotation_rad));
+  StartOptions spread{StartRegion::kBall, 0, region.rotation_rad, 0.0};
+  spread.count = static_cast<int>(kSpreadDensity * volume / std::pow(kOrientationRad, 3.0));
+  const PoseParameters pose(T_us_ct_initial, field.us_mm());
+  for (const PoseVector& start : spread_starts(pose, spread))
+    orientations.push_back(pose.T_us_ct(start));
+  return orientations;
+}
+
+/// Half the width of the part of the region around each orientation, and parts of it along each
+/// axis that rotations stand for.
+struct TurnsAround {
+  explicit TurnsAround(double rotation_rad) {
+    const int orientations =
+        std::min(parts_of(2.0 * rotation_rad, kOrientationRad), kMostParts + 1);
+    const double width =
+        orientations > kMostParts ? kOrientationRad : 2.0 * rotation_rad / orientations;
+    half_rad = 0.5 * width;
+    parts = parts_of(width, kRotationRad);
+  }
+  double half_rad;
+  int parts;
+};
+
+/// The best places of blocks near each of these poses, so many of each.
+std::vector<Candidate> best_places(const BlockSums& sums, const PackedCt& ct,
+                                   const std::vector<Isometry3d>& T_us_ct, std::size_t most_of_each,
+                                   Run& run) {
+  std::vector<std::vector<Candidate>> found(T_us_ct.size());
+  parallel_for(static_cast<int>(T_us_ct.size()), [&](int i) {
+    run.check_cancelled();
+    const auto at = static_cast<std::size_t>(i);
+    for (const BlockPlace& place : sums.best(ct, T_us_ct[at])) {
+      if (found[at].size() == most_of_each) break;
+      found[at].push_back(
+          {sums.T_us_ct_at(place, T_us_ct[at]), {}, static_cast<double>(place.explained), 0.0});
+    }
+  });
+  std::vector<Candidate> all;
+  for (const std::vector<Candidate>& of_pose : found)
+    all.insert(all.end(), of_pose.begin(), of_pose.end());
+  return all;
 }
 
 }  // namespace
 
 bool BlockMatching::covers(const StartOptions& region) {
-  return region.translation_mm <= kMostMm &&
-         parts_of(2.0 * region.rotation_rad, kOrientationRad) <= kMostParts;
+  const bool is_lattice = parts_of(2.0 * region.rotation_rad, kOrientationRad) <= kMostParts;
+  return region.translation_mm <= kMostMm && (is_lattice || region.region == StartRegion::kBall);
 }
 
 std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
                                             const StartOptions& region, const Isometry3d& mirror,
                                             const FieldPoints& field, double distinct_mm,
                                             std::size_t most, Run& run) const {
-  const int parts = parts_of(2.0 * region.rotation_rad, kOrientationRad);
   const UltrasoundCells cells(*us_, mirror);
-  std::vector<UltrasoundBlock> blocks = cells.blocks();
+  const std::vector<UltrasoundBlock> blocks = cells.blocks();
   if (blocks.empty()) return {};
-  const Vector3d& centre = field.centre_us_mm();
-  const BlockSums sums(cells, std::move(blocks), rotations_near(region), region.translation_mm,
-                       centre);
-  const std::vector<Vector3d> orientations = middles_of_parts(region.rotation_rad, parts);
-  std::vector<std::vector<Candidate>> found(orientations.size());
-  parallel_for(static_cast<int>(orientations.size()), [&](int i) {
-    run.check_cancelled();
-    const auto at = static_cast<std::size_t>(i);
-    const Isometry3d T_us_ct = motion_about(centre, rotation(orientations[at])) * T_us_ct_initial;
-    for (const BlockPlace& place : sums.best(*ct_, T_us_ct))
-      found[at].push_back(
-          {sums.T_us_ct_at(place, T_us_ct), {}, static_cast<double>(place.explained), 0.0});
-  });
-  std::vector<Candidate> all;
-  for (const std::vector<Candidate>& of_orientation : found)
-    all.insert(all.end(), of_orientation.begin(), of_orientation.end());
-  return best_distinct(std::move(all), distinct_mm, most, field);
+  const TurnsAround turns(region.rotation_rad);
+  const BlockSums coarse(cells, blocks, BlockSums::Everywhere::kPart,
+                         middles_of_parts(turns.half_rad, turns.parts), region.translation_mm,
+                         field.centre_us_mm());
+  const std::vector<Isometry3d> orientations = orientations_of(region, T_us_ct_initial, field);
+  std::vector<Candidate> places =
+      best_places(coarse, *ct_, orientations, std::numeric_limits<std::size_t>::max(), run);
+  const std::size_t refined = std::max(most, orientations.size());
+  places = best_distinct(std::move(places), distinct_mm, refined, field);
+  const BlockSums fine(cells, blocks, BlockSums::Everywhere::kAll,
+                       middles_of_parts(turns.half_rad / turns.parts, kFineRotations), kFineMm,
+                       field.centre_us_mm());
+  std::vector<Isometry3d> near;
+  for (const Candidate& place : places) near.push_back(place.T_us_ct);
+  return best_distinct(best_places(fine, *ct_, near, 1, run), distinct_mm, most, field);
 }
 
 }  // namespace usct::registration

@@ -27,11 +27,12 @@ class BlockMatching {
   BlockMatching(std::shared_ptr<const BeamUltrasound> us, std::shared_ptr<const PackedCt> ct)
       : us_(std::move(us)), ct_(std::move(ct)) {}
 
-  /// Whether a region has so few orientations and translations that they are worth the time.
+  /// Whether blocks are matched in such a region.
   static bool covers(const StartOptions& region);
 
   /// Poses in such a region around the initial pose, best first, `most` at most; those closer than
-  /// `distinct_mm` count as one. A ball is searched as the box around it. The ultrasound lies where
+  /// `distinct_mm` count as one. A ball is searched as the box around it, unless it reaches turns
+  /// that no box of rotation vectors covers evenly. The ultrasound lies where
   /// `mirror` moves it (see mirror_of). The value of a candidate is the sum over the blocks; there
   /// is none if the ultrasound has no block.
   std::vector<Candidate> poses(const Eigen::Isometry3d& T_us_ct_initial, const StartOptions& region,

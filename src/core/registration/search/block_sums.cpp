@@ -62,11 +62,11 @@ void keep_best(std::vector<BlockPlace>& places, std::size_t most) {
 }  // namespace
 
 BlockSums::BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> blocks,
-                     std::vector<Matrix3d> rotations, double translation_mm,
+                     Everywhere summed, std::vector<Matrix3d> rotations, double translation_mm,
                      const Vector3d& centre_us_mm)
     : cells_(cells),
       blocks_(std::move(blocks)),
-      part_(spread_part(blocks_)),
+      part_(summed == Everywhere::kAll ? blocks_.size() : spread_part(blocks_)),
       rotations_(std::move(rotations)),
       centre_us_mm_(centre_us_mm),
       reach_(static_cast<int>(std::ceil(translation_mm / UltrasoundCells::kMm))),
@@ -123,40 +123,53 @@ BlockValues BlockSums::write_values(const LatticeCt& ct, std::size_t block, cons
   return {values.data(), row, slice};
 }
 
-std::vector<std::uint16_t> BlockSums::sums_of_part(const LatticeCt& ct) const {
-  std::vector<std::uint16_t> sums(rotations_.size() * sums_per_rotation());
+void BlockSums::add(const LatticeCt& ct, std::size_t begin, std::size_t end, Batch& values,
+                    std::vector<std::uint16_t>& sums) const {
   const std::vector<std::uint8_t> zeros(whole_vectors(translations_));
-  Batch values;
-  for (std::size_t begin = 0; begin < part_; begin += kBlocksAdded) {
-    const std::size_t count = std::min(kBlocksAdded, part_ - begin);
-    std::array<BlockValues, kBlocksAdded> written;
-    written.fill({zeros.data(), 0, 0});
-    for (std::size_t i = 0; i < count; ++i) {
-      const Offsets& offsets = offsets_[begin + i];
-      written[i] =
-          write_values(ct, begin + i, offsets.least - Vector3i::Constant(reach_),
-                       offsets.most - offsets.least + Vector3i::Constant(translations_), values[i]);
-    }
-    for (std::size_t r = 0; r < rotations_.size(); ++r) {
-      BlockSum sum{written, Vector3i::Constant(translations_), &sums[r * sums_per_rotation()]};
-      for (std::size_t i = 0; i < count; ++i) {
-        const Offsets& offsets = offsets_[begin + i];
-        sum.blocks[i] = sum.blocks[i].from(offsets.of_rotations[r] - offsets.least);
-      }
-      add_blocks_simd(sum);
-    }
+  std::array<BlockValues, kBlocksAdded> written;
+  written.fill({zeros.data(), 0, 0});
+  for (std::size_t block = begin; block < end; ++block) {
+    const Offsets& offsets = offsets_[block];
+    written[block - begin] = write_values(
+        ct, block, offsets.least - Vector3i::Constant(reach_),
+        offsets.most - offsets.least + Vector3i::Constant(translations_), values[block - begin]);
   }
-  return sums;
+  for (std::size_t r = 0; r < rotations_.size(); ++r) {
+    BlockSum sum{written, Vector3i::Constant(translations_), &sums[r * sums_per_rotation()]};
+    for (std::size_t block = begin; block < end; ++block) {
+      const Offsets& offsets = offsets_[block];
+      BlockValues& of_block = sum.blocks[block - begin];
+      of_block = of_block.from(offsets.of_rotations[r] - offsets.least);
+    }
+    add_blocks_simd(sum);
+  }
 }
 
-void BlockSums::add_optima(const std::uint16_t* sums, std::size_t rotation,
+std::vector<int> BlockSums::sums_of_part(const LatticeCt& ct) const {
+  // So many blocks, of at most 255 each, stay within the 16 bits of their sums.
+  constexpr std::size_t kMostBlocks = 256;
+  static_assert(kMostBlocks % kBlocksAdded == 0);
+  std::vector<int> totals(rotations_.size() * sums_per_rotation());
+  std::vector<std::uint16_t> sums(totals.size());
+  Batch values;
+  for (std::size_t begin = 0; begin < part_; begin += kMostBlocks) {
+    const std::size_t end = std::min(begin + kMostBlocks, part_);
+    std::fill(sums.begin(), sums.end(), std::uint16_t{0});
+    for (std::size_t block = begin; block < end; block += kBlocksAdded)
+      add(ct, block, std::min(block + kBlocksAdded, end), values, sums);
+    for (std::size_t i = 0; i < totals.size(); ++i) totals[i] += sums[i];
+  }
+  return totals;
+}
+
+void BlockSums::add_optima(const int* sums, std::size_t rotation,
                            std::vector<BlockPlace>& optima) const {
   const auto row = static_cast<std::ptrdiff_t>(whole_vectors(translations_));
   const std::ptrdiff_t slice = row * translations_;
   for (int z = 0; z < translations_; ++z)
     for (int y = 0; y < translations_; ++y)
       for (int x = 0; x < translations_; ++x) {
-        const std::uint16_t* here = sums + z * slice + y * row + x;
+        const int* here = sums + z * slice + y * row + x;
         const auto falls = [&](int i, std::ptrdiff_t step) {
           return (i == 0 || here[-step] <= *here) && (i + 1 == translations_ || here[step] < *here);
         };
@@ -188,7 +201,7 @@ void BlockSums::climb(const LatticeCt& ct, int around, BlockPlace& place) const 
 
 std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_us_ct) const {
   const LatticeCt lattice = this->lattice(ct, T_us_ct);
-  const std::vector<std::uint16_t> sums = sums_of_part(lattice);
+  const std::vector<int> sums = sums_of_part(lattice);
   std::vector<BlockPlace> places;
   for (std::size_t r = 0; r < rotations_.size(); ++r)
     add_optima(sums.data() + r * sums_per_rotation(), r, places);

@@ -23,15 +23,18 @@ struct BlockPlace {
 /// them.
 class BlockSums {
  public:
+  /// Whether all blocks are summed everywhere, or a part that is spread over all of them, and all
+  /// at the best optima of that.
+  enum class Everywhere { kAll, kPart };
+
   /// `blocks` are those of `cells`, which must outlive the object; at least one. The rotations turn
   /// the field about the centre; translations reach so far along each axis, either way.
-  BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> blocks,
+  BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> blocks, Everywhere summed,
             std::vector<Eigen::Matrix3d> rotations, double translation_mm,
             const Eigen::Vector3d& centre_us_mm);
 
   /// The places that explain most, best first. `T_us_ct` is the orientation, at the initial
-  /// translation. A part of the blocks, spread over all, is summed everywhere, and all of
-  /// them at the best optima of that.
+  /// translation.
   std::vector<BlockPlace> best(const PackedCt& ct, const Eigen::Isometry3d& T_us_ct) const;
   Eigen::Isometry3d T_us_ct_at(const BlockPlace& place, const Eigen::Isometry3d& T_us_ct) const;
 
@@ -44,10 +47,12 @@ class BlockSums {
   };
   Offsets offsets_of(const UltrasoundBlock& block) const;
   LatticeCt lattice(const PackedCt& ct, const Eigen::Isometry3d& T_us_ct) const;
-  /// The sums of the part of the blocks, for all translations at one rotation after the other.
-  std::vector<std::uint16_t> sums_of_part(const LatticeCt& ct) const;
   /// Values of blocks that are added to sums together.
   using Batch = std::array<std::vector<std::uint8_t>, kBlocksAdded>;
+  /// The sums of the part of the blocks, for all translations at one rotation after the other.
+  std::vector<int> sums_of_part(const LatticeCt& ct) const;
+  void add(const LatticeCt& ct, std::size_t begin, std::size_t end, Batch& values,
+           std::vector<std::uint16_t>& sums) const;
   /// The values of a block at so many translations, the first of which leads so far from where it
   /// lies in the ultrasound.
   BlockValues write_values(const LatticeCt& ct, std::size_t block, const Eigen::Vector3i& first,
@@ -55,8 +60,7 @@ class BlockSums {
   std::size_t sums_per_rotation() const {
     return whole_vectors(translations_) * static_cast<std::size_t>(translations_ * translations_);
   }
-  void add_optima(const std::uint16_t* sums, std::size_t rotation,
-                  std::vector<BlockPlace>& optima) const;
+  void add_optima(const int* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
   /// Sums all blocks at a place and so many cells around it along each axis, and moves it to the
   /// highest sum.
   void climb(const LatticeCt& ct, int around, BlockPlace& place) const;
