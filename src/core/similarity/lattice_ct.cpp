@@ -19,6 +19,7 @@ void sum_edge(const std::vector<float>& from, std::size_t step, std::vector<floa
     to[i] = (from[i] + from[i + step]) + (from[i + 2 * step] + from[i + 3 * step]);
 }
 
+/// Sums over squares, slice by slice, so that all that is read and written stays in the cache.
 class SquareSums {
  public:
   explicit SquareSums(const LatticeCt& ct)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "parallel.h"
 #include "registration/motion_about.h"
@@ -17,8 +18,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 /// Blocks are compared at orientations that lie so far from each other at most, and summed at
-/// rotations in between that lie so far from each other at most. A block may be turned by half of
-/// that: it then lies a cell beside the CT at its corners.
+/// rotations in between that lie so far from each other at most. A block that is turned by half the
+/// way to the next orientation lies a cell beside the CT at its corners.
 constexpr double kOrientationRad = 40.0 * kDegree;
 constexpr double kRotationRad = 10.0 * kDegree;
 /// A box of rotation vectors has more parts along each axis only if it reaches most of all turns.
@@ -55,14 +56,26 @@ std::vector<Matrix3d> middles_of_parts(double half_width, int count) {
   return middles;
 }
 
+/// The parts along each axis of a box of rotation vectors, one for each orientation; none if they
+/// are too many.
+std::optional<int> parts_of_box(const StartOptions& region) {
+  const int parts = parts_of(2.0 * region.rotation_rad, kOrientationRad);
+  return parts <= kMostParts ? std::optional(parts) : std::nullopt;
+}
+
+/// The width of the part of the region around each orientation.
+double width_of_part(const StartOptions& region) {
+  const std::optional<int> parts = parts_of_box(region);
+  return parts ? 2.0 * region.rotation_rad / *parts : kOrientationRad;
+}
+
 /// The orientations of a region, at the initial translation.
 std::vector<Isometry3d> orientations_of(const StartOptions& region,
                                         const Isometry3d& T_us_ct_initial,
                                         const FieldPoints& field) {
-  const int parts = parts_of(2.0 * region.rotation_rad, kOrientationRad);
   std::vector<Isometry3d> orientations;
-  if (parts <= kMostParts) {
-    for (const Matrix3d& turn : middles_of_parts(region.rotation_rad, parts))
+  if (const std::optional<int> parts = parts_of_box(region)) {
+    for (const Matrix3d& turn : middles_of_parts(region.rotation_rad, *parts))
       orientations.push_back(motion_about(field.centre_us_mm(), turn) * T_us_ct_initial);
     return orientations;
   }
@@ -76,21 +89,6 @@ std::vector<Isometry3d> orientations_of(const StartOptions& region,
     orientations.push_back(pose.T_us_ct(start));
   return orientations;
 }
-
-/// Half the width of the part of the region around each orientation, and parts of it along each
-/// axis that rotations stand for.
-struct TurnsAround {
-  explicit TurnsAround(double rotation_rad) {
-    const int orientations =
-        std::min(parts_of(2.0 * rotation_rad, kOrientationRad), kMostParts + 1);
-    const double width =
-        orientations > kMostParts ? kOrientationRad : 2.0 * rotation_rad / orientations;
-    half_rad = 0.5 * width;
-    parts = parts_of(width, kRotationRad);
-  }
-  double half_rad;
-  int parts;
-};
 
 /// The best places of blocks near each of these poses, so many of each.
 std::vector<Candidate> best_places(const BlockSums& sums, const PackedCt& ct,
@@ -115,8 +113,8 @@ std::vector<Candidate> best_places(const BlockSums& sums, const PackedCt& ct,
 }  // namespace
 
 bool BlockMatching::covers(const StartOptions& region) {
-  const bool is_lattice = parts_of(2.0 * region.rotation_rad, kOrientationRad) <= kMostParts;
-  return region.translation_mm <= kMostMm && (is_lattice || region.region == StartRegion::kBall);
+  return region.translation_mm <= kMostMm &&
+         (parts_of_box(region) || region.region == StartRegion::kBall);
 }
 
 std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
@@ -126,9 +124,10 @@ std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
   const UltrasoundCells cells(*us_, mirror);
   const std::vector<UltrasoundBlock> blocks = cells.blocks();
   if (blocks.empty()) return {};
-  const TurnsAround turns(region.rotation_rad);
+  const double width = width_of_part(region);
+  const int rotations = parts_of(width, kRotationRad);
   const BlockSums coarse(cells, blocks, BlockSums::Everywhere::kPart,
-                         middles_of_parts(turns.half_rad, turns.parts), region.translation_mm,
+                         middles_of_parts(0.5 * width, rotations), region.translation_mm,
                          field.centre_us_mm());
   const std::vector<Isometry3d> orientations = orientations_of(region, T_us_ct_initial, field);
   std::vector<Candidate> places =
@@ -136,7 +135,7 @@ std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
   const std::size_t refined = std::max(most, orientations.size());
   places = best_distinct(std::move(places), distinct_mm, refined, field);
   const BlockSums fine(cells, blocks, BlockSums::Everywhere::kAll,
-                       middles_of_parts(turns.half_rad / turns.parts, kFineRotations), kFineMm,
+                       middles_of_parts(0.5 * width / rotations, kFineRotations), kFineMm,
                        field.centre_us_mm());
   std::vector<Isometry3d> near;
   for (const Candidate& place : places) near.push_back(place.T_us_ct);
