@@ -27,16 +27,19 @@ class Used {
   std::optional<test::Instructions> instructions_;
 };
 
-/// Numbers as those of a CT at the points of a lattice.
+constexpr Ridges kRidges{22.0F, 22.0F};
+
+/// Bytes as those of a CT at the points of a lattice.
 LatticeCt lattice(const Eigen::Vector3i& size) {
   LatticeCt lattice(size);
   for (std::size_t i = 0; i < lattice.value.size(); ++i) {
-    lattice.value[i] = static_cast<std::uint32_t>(i * 7919 % 6100 + 6000);
-    lattice.gradient[i] = static_cast<std::uint32_t>(i * 104729 % 2900);
+    lattice.value[i] = static_cast<std::uint32_t>(i * 7919 % 95 + 94);
+    lattice.gradient[i] = static_cast<std::uint32_t>(i * 104729 % 45);
   }
   for (std::vector<std::uint32_t>* words : {&lattice.value, &lattice.gradient})
-    for (std::size_t i = 0; i + 1 < words->size(); ++i) (*words)[i] |= (*words)[i + 1] << 16;
-  lattice.invert_covariances(9e4F, 9e4F);
+    for (std::size_t i = 0; i + 3 < words->size(); ++i)
+      (*words)[i] |= (*words)[i + 1] << 8 | (*words)[i + 2] << 16 | (*words)[i + 3] << 24;
+  invert_covariances_simd(lattice, kRidges);
   return lattice;
 }
 
@@ -48,12 +51,14 @@ void match_block(benchmark::State& state, Kernel kernel) {
   const Eigen::Vector3i translations(28, 28, 28);
   const LatticeCt ct = lattice(Eigen::Vector3i(97, 75, 81));
   BlockUltrasound block;
-  for (std::size_t i = 0; i < block.size(); ++i)
-    block[i] = static_cast<std::int16_t>(i % 2 == 0 ? 1024 : -1024);
+  for (std::size_t i = 0; i < block.cells.size(); ++i)
+    block.cells[i] = static_cast<std::int8_t>(i % 2 == 0 ? 100 : -100);
+  block.norm = 800.0F;
+  block.known = 64.0F;
   std::vector<std::uint8_t> values(28 * 28 * whole_vectors(28));
   const auto values_of = kernel == kScalar ? block_values_scalar : block_values_simd;
   for (auto _ : state) {
-    values_of({ct, Eigen::Vector3i(20, 20, 20), translations, block, 64.0F}, values.data());
+    values_of({ct, Eigen::Vector3i(20, 20, 20), translations, block}, values.data());
     benchmark::DoNotOptimize(values.data());
   }
   finish(state, translations.prod());
@@ -80,10 +85,13 @@ void add_blocks(benchmark::State& state, Kernel kernel) {
   finish(state, kRotations * translations.prod() * static_cast<int>(kBlocksAdded));
 }
 
-void invert_covariances(benchmark::State& state) {
+void invert_covariances(benchmark::State& state, Kernel kernel) {
+  const Used used(state, kernel);
+  if (!used.available()) return;
   LatticeCt ct = lattice(Eigen::Vector3i(97, 75, 81));
+  const auto invert = kernel == kScalar ? invert_covariances_scalar : invert_covariances_simd;
   for (auto _ : state) {
-    ct.invert_covariances(9e4F, 9e4F);
+    invert(ct, kRidges);
     benchmark::DoNotOptimize(ct.inverse_vv.data());
   }
   finish(state, ct.size.prod());
@@ -93,10 +101,13 @@ constexpr auto kMs = benchmark::kMillisecond;
 BENCHMARK_CAPTURE(match_block, scalar, kScalar)->Unit(kMs);
 BENCHMARK_CAPTURE(match_block, avx2, HWY_AVX2)->Unit(kMs);
 BENCHMARK_CAPTURE(match_block, avx512, HWY_AVX3)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512_vnni, HWY_AVX3_DL)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, scalar, kScalar)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, avx2, HWY_AVX2)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, avx512, HWY_AVX3)->Unit(kMs);
-BENCHMARK(invert_covariances)->Unit(kMs);
+BENCHMARK_CAPTURE(invert_covariances, scalar, kScalar)->Unit(kMs);
+BENCHMARK_CAPTURE(invert_covariances, avx2, HWY_AVX2)->Unit(kMs);
+BENCHMARK_CAPTURE(invert_covariances, avx512, HWY_AVX3)->Unit(kMs);
 
 }  // namespace
 }  // namespace usct

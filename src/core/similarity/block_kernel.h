@@ -13,10 +13,13 @@ namespace usct {
 
 constexpr int kBlockCells = kBlockEdge * kBlockEdge * kBlockEdge;
 
-/// The ultrasound of a block's cells, x fastest: mean 0 and norm kBlockNorm over the known ones, 0
-/// at the others. With LatticeCt's numbers, the sum of all products stays within 32 bits.
-using BlockUltrasound = std::array<std::int16_t, kBlockCells>;
-constexpr float kBlockNorm = 8192.0F;
+/// The ultrasound of a block's cells, x fastest.
+struct BlockUltrasound {
+  std::array<std::int8_t, kBlockCells>
+      cells{};         // their sum is 0; 0 where the ultrasound is unknown
+  float norm = 0.0F;   // the root of the sum of their squares
+  float known = 0.0F;  // the number of known cells
+};
 
 /// A block of ultrasound at a lattice of translations of the CT.
 struct BlockMatch {
@@ -26,8 +29,6 @@ struct BlockMatch {
   /// Numbers of translations, by one point each.
   Eigen::Vector3i translations;
   const BlockUltrasound& ultrasound;
-  /// The number of known cells.
-  float known;
 };
 
 /// Values count in parts of a cell, and end at 255 of these.

@@ -13,22 +13,23 @@ void block_values_scalar(const BlockMatch& match, std::uint8_t* values) {
     for (int y = 0; y < match.translations.y(); ++y, values += row)
       for (int x = 0; x < match.translations.x(); ++x) {
         const Eigen::Vector3i first = match.first + Eigen::Vector3i(x, y, z);
-        const std::int16_t* ultrasound = match.ultrasound.data();
+        const std::int8_t* ultrasound = match.ultrasound.cells.data();
         std::int32_t value = 0;
         std::int32_t gradient = 0;
         for (int k = 0; k < kBlockEdge; ++k)
           for (int j = 0; j < kBlockEdge; ++j)
             for (int i = 0; i < kBlockEdge; ++i, ++ultrasound) {
               const std::size_t at = ct.place(first + Eigen::Vector3i(i, j, k));
-              value += *ultrasound * LatticeCt::number(ct.value[at]);
-              gradient += *ultrasound * LatticeCt::number(ct.gradient[at]);
+              value += *ultrasound * LatticeCt::byte(ct.value[at]);
+              gradient += *ultrasound * LatticeCt::byte(ct.gradient[at]);
             }
         const std::size_t at = ct.place(first);
-        const float v = static_cast<float>(value) / kBlockNorm;
-        const float g = static_cast<float>(gradient) / kBlockNorm;
+        const float v = static_cast<float>(value) / match.ultrasound.norm;
+        const float g = static_cast<float>(gradient) / match.ultrasound.norm;
         const float explained = ct.inverse_vv[at] * v * v + 2.0F * ct.inverse_vg[at] * v * g +
                                 ct.inverse_gg[at] * g * g;
-        const float parts = std::min(kPartsOfCell * std::min(explained, match.known), 255.0F);
+        const float parts =
+            std::min(kPartsOfCell * std::min(explained, match.ultrasound.known), 255.0F);
         values[x] = static_cast<std::uint8_t>(std::lround(parts));
       }
 }

@@ -3,6 +3,7 @@
 // The file is compiled once per instruction set; the machine's best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/block_kernel_simd.cpp"
+#define HWY_WANT_AVX3_DL
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
@@ -10,6 +11,7 @@
 #include <cstring>
 
 #include "similarity/block_kernel.h"
+#include "similarity/byte_products-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
@@ -23,42 +25,53 @@ void block_values(const BlockMatch& match, std::uint8_t* values) {
 void add_blocks(const BlockSum& sum) { add_blocks_scalar(sum); }
 #else
 
-constexpr hn::CappedTag<float, kBlockLanes> dvalue;
-constexpr hn::RebindToSigned<decltype(dvalue)> dsum;
-constexpr hn::RebindToUnsigned<decltype(dvalue)> dword;
-constexpr hn::Repartition<std::int16_t, decltype(dsum)> dhalf;
 constexpr hn::Rebind<std::uint8_t, decltype(dvalue)> dbyte;
-using VValue = hn::Vec<decltype(dvalue)>;
-using VSum = hn::Vec<decltype(dsum)>;
-using VHalf = hn::Vec<decltype(dhalf)>;
+
+/// Instructions that add four products of bytes at once, where the processor has them; else bytes
+/// are read in two parts, each of which is multiplied as numbers of 16 bits.
+#if HWY_TARGET == HWY_AVX3_DL
+constexpr int kParts = 1;
+constexpr int kSlicesUnrolled = kBlockEdge;
+template <int>
+HWY_INLINE VWord part(VWord words) {
+  return words;
+}
+template <int>
+HWY_INLINE VWord part_of_edge(const std::int8_t* cells) {
+  std::uint32_t word = 0;
+  std::memcpy(&word, cells, sizeof word);
+  return hn::Set(dword, word);
+}
+struct EdgeProducts {
+  VSum sum;
+
+  HWY_INLINE EdgeProducts() : sum(hn::Zero(dsum)) {}
+  HWY_INLINE void add(VWord ultrasound, VWord ct) {
+    // Highway 1.0 has no name for it, and does not let compilers use the intrinsic function.
+    asm("vpdpbusd %2, %1, %0" : "+v"(sum.raw) : "v"(ct.raw), "v"(ultrasound.raw));
+  }
+  HWY_INLINE VSum total() const { return sum; }
+};
+#else
+constexpr int kParts = 2;
+constexpr int kSlicesUnrolled = 1;
+template <int kPart>
+HWY_INLINE VHalf part(VWord words) {
+  return kPart == 0 ? even_bytes(words) : odd_bytes(words);
+}
+template <int kPart>
+HWY_INLINE VHalf part_of_edge(const std::int8_t* cells) {
+  const auto half = [](std::int8_t cell) { return static_cast<std::uint16_t>(cell); };
+  return hn::BitCast(
+      dhalf, hn::Set(dword, half(cells[kPart]) | static_cast<std::uint32_t>(half(cells[kPart + 2]))
+                                                     << 16));
+}
+using EdgeProducts = Products;
+#endif
 
 /// So many rows of translations are compared at once: they share most of what is loaded of the CT.
 /// Their sums and a slice of the block stay in registers, of which wide vectors have more.
 constexpr std::size_t kRowsAtOnce = hn::MaxLanes(dvalue) == kBlockLanes ? 5 : 3;
-
-/// A sum of products of the halves of words. Instructions may split it in two.
-struct Products {
-  VSum sum, rest;
-
-  HWY_INLINE void add(VHalf ultrasound, VHalf ct) {
-    sum = hn::ReorderWidenMulAccumulate(dsum, ultrasound, ct, sum, rest);
-  }
-  HWY_INLINE VValue value() const {
-    return hn::Mul(hn::ConvertTo(dvalue, hn::RearrangeToOddPlusEven(sum, rest)),
-                   hn::Set(dvalue, 1.0F / kBlockNorm));
-  }
-};
-
-/// Two neighbouring numbers in each word.
-HWY_INLINE VHalf both(const std::int16_t* numbers) {
-  std::uint32_t word = 0;
-  std::memcpy(&word, numbers, sizeof word);
-  return hn::BitCast(dhalf, hn::Set(dword, word));
-}
-
-HWY_INLINE VHalf load(const std::vector<std::uint32_t>& words, std::size_t place) {
-  return hn::BitCast(dhalf, hn::LoadU(dword, words.data() + place));
-}
 
 /// The values of a vector of translations by its products with value and gradient.
 HWY_INLINE void write(const BlockMatch& match, std::size_t place, VValue value, VValue gradient,
@@ -70,40 +83,54 @@ HWY_INLINE void write(const BlockMatch& match, std::size_t place, VValue value, 
       hn::MulAdd(hn::LoadU(dvalue, ct.inverse_vv.data() + place), value, hn::Mul(twice, gradient));
   const VValue second = hn::Mul(hn::LoadU(dvalue, ct.inverse_gg.data() + place), gradient);
   const VValue explained = hn::MulAdd(first, value, hn::Mul(second, gradient));
-  const VValue most = hn::Set(dvalue, std::min(kPartsOfCell * match.known, 255.0F));
+  const VValue most = hn::Set(dvalue, std::min(kPartsOfCell * match.ultrasound.known, 255.0F));
   const VValue parts = hn::Min(hn::Mul(explained, hn::Set(dvalue, kPartsOfCell)), most);
   hn::StoreU(hn::DemoteTo(dbyte, hn::NearestInt(parts)), dbyte, values);
+}
+
+/// The products of so many rows of translations with a part of the block.
+template <int kPart, std::size_t kRows>
+HWY_INLINE void add_products(const BlockMatch& match, std::size_t place,
+                             EdgeProducts (&value)[kRows], EdgeProducts (&gradient)[kRows]) {
+  const LatticeCt& ct = match.ct;
+  const auto row = static_cast<std::size_t>(ct.size.x());
+  const std::size_t slice = row * static_cast<std::size_t>(ct.size.y());
+  // Registers hold the sums only where the loops are unrolled.
+#pragma GCC unroll kSlicesUnrolled
+  for (std::size_t k = 0; k < kBlockEdge; ++k) {
+    const std::int8_t* const cells = &match.ultrasound.cells[kBlockEdge * kBlockEdge * k];
+    const std::size_t at = place + k * slice;
+    decltype(part_of_edge<kPart>(cells)) u[kBlockEdge];
+    for (std::size_t j = 0; j < kBlockEdge; ++j) u[j] = part_of_edge<kPart>(cells + kBlockEdge * j);
+#pragma GCC unroll 16
+    for (std::size_t j = 0; j < kRows + kBlockEdge - 1; ++j) {
+      const auto v = part<kPart>(hn::LoadU(dword, ct.value.data() + at + j * row));
+      const auto g = part<kPart>(hn::LoadU(dword, ct.gradient.data() + at + j * row));
+#pragma GCC unroll 16
+      for (std::size_t r = 0; r < kRows; ++r)
+        if (r <= j && j < r + kBlockEdge) {
+          value[r].add(u[j - r], v);
+          gradient[r].add(u[j - r], g);
+        }
+    }
+  }
 }
 
 /// The values of a vector of translations along x, in so many rows, from a point of the lattice on.
 template <std::size_t kRows>
 HWY_INLINE void write_values(const BlockMatch& match, std::size_t place, std::uint8_t* values) {
-  const LatticeCt& ct = match.ct;
-  const auto row = static_cast<std::size_t>(ct.size.x());
-  const std::size_t slice = row * static_cast<std::size_t>(ct.size.y());
-  Products value[kRows];
-  Products gradient[kRows];
-  for (std::size_t r = 0; r < kRows; ++r)
-    value[r].sum = value[r].rest = gradient[r].sum = gradient[r].rest = hn::Zero(dsum);
-  for (std::size_t k = 0; k < kBlockEdge; ++k)
-    for (std::size_t i = 0; i < kBlockEdge; i += 2) {
-      const std::int16_t* const of_block = &match.ultrasound[kBlockEdge * kBlockEdge * k + i];
-      const std::size_t at = place + k * slice + i;
-      VHalf u[kBlockEdge];
-      for (std::size_t j = 0; j < kBlockEdge; ++j) u[j] = both(of_block + kBlockEdge * j);
-      for (std::size_t j = 0; j < kRows + kBlockEdge - 1; ++j) {
-        const VHalf of_value = load(ct.value, at + j * row);
-        const VHalf of_gradient = load(ct.gradient, at + j * row);
-        for (std::size_t r = 0; r < kRows; ++r)
-          if (r <= j && j < r + kBlockEdge) {
-            value[r].add(u[j - r], of_value);
-            gradient[r].add(u[j - r], of_gradient);
-          }
-      }
-    }
+  EdgeProducts value[kRows];
+  EdgeProducts gradient[kRows];
+  add_products<0>(match, place, value, gradient);
+  if constexpr (kParts == 2) add_products<1>(match, place, value, gradient);
+  const VValue scale = hn::Set(dvalue, 1.0F / match.ultrasound.norm);
+  const auto scaled = [&](const EdgeProducts& products) {
+    return hn::Mul(hn::ConvertTo(dvalue, products.total()), scale);
+  };
+  const auto row = static_cast<std::size_t>(match.ct.size.x());
   const std::size_t values_row = whole_vectors(match.translations.x());
   for (std::size_t r = 0; r < kRows; ++r)
-    write(match, place + r * row, value[r].value(), gradient[r].value(), values + r * values_row);
+    write(match, place + r * row, scaled(value[r]), scaled(gradient[r]), values + r * values_row);
 }
 
 /// All translations along y at one of z, and of so many along x.
@@ -119,14 +146,17 @@ HWY_INLINE void write_slice(const BlockMatch& match, int x, int z, std::uint8_t*
 }
 
 void block_values(const BlockMatch& match, std::uint8_t* values) {
+  constexpr std::size_t kFewRows = 3;  // of a place and its neighbours
   const auto row = static_cast<int>(whole_vectors(match.translations.x()));
   const int rows = match.translations.y();
   for (int z = 0; z < match.translations.z(); ++z, values += rows * row)
-    for (int x = 0; x < row; x += static_cast<int>(hn::Lanes(dvalue)))
-      if (rows < static_cast<int>(kRowsAtOnce))
-        write_slice<1>(match, x, z, values + x);
-      else
+    for (int x = 0; x < match.translations.x(); x += static_cast<int>(hn::Lanes(dvalue)))
+      if (rows >= static_cast<int>(kRowsAtOnce))
         write_slice<kRowsAtOnce>(match, x, z, values + x);
+      else if (rows >= static_cast<int>(kFewRows))
+        write_slice<kFewRows>(match, x, z, values + x);
+      else
+        write_slice<1>(match, x, z, values + x);
 }
 
 void add_blocks(const BlockSum& sum) {

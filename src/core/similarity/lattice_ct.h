@@ -22,16 +22,13 @@ inline std::size_t whole_vectors(int count) {
 /// A CT at the points of a lattice, i fastest: (i, j, k) is at i + size.x() * (j + size.y() * k).
 /// All arrays have kBlockLanes numbers more than points.
 struct LatticeCt {
-  /// Numbers are whole parts of a step of a byte of PackedCt, those of the gradient parts of a step
-  /// of its own bytes. The sums over a block of ultrasound stay within an integer.
-  static constexpr int kPartsOfStep = 64;
-
   /// All points are 0, until rows are sampled.
   explicit LatticeCt(const Eigen::Vector3i& points);
 
   Eigen::Vector3i size;
-  /// CT value and magnitude of its gradient, below 2^15: a point in the low half of a word, its
-  /// neighbour along i in the high half.
+  /// CT value and magnitude of its gradient, in bytes of PackedCt: a point in the lowest byte of a
+  /// word, its next neighbours along i in the other three; undefined where these do not lie within
+  /// the lattice.
   std::vector<std::uint32_t> value, gradient;
   /// The inverse of the covariance of both, with a ridge, over the cube of kBlockEdge^3 points that
   /// begins at a point; undefined where a cube does not lie within the lattice.
@@ -43,12 +40,21 @@ struct LatticeCt {
                (static_cast<std::size_t>(at.y()) +
                 static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(at.z()));
   }
-  /// The number of a point of `value` or `gradient`.
-  static int number(std::uint32_t word) { return static_cast<int>(word & 0xFFFFU); }
-
-  /// Fills in the inverses. The ridges are variances, in squares of the parts.
-  void invert_covariances(float value_ridge, float gradient_ridge);
+  /// The byte of a point of `value` or `gradient`.
+  static int byte(std::uint32_t word) { return static_cast<int>(word & 0xFFU); }
 };
+
+/// Variances that are added to those of value and gradient, in squares of their bytes.
+struct Ridges {
+  float value, gradient;
+};
+
+/// A covariance counts as no closer to singular than by this share of the product of the variances.
+constexpr float kLeastDeterminant = 1e-3F;
+
+/// Fills in the inverses.
+void invert_covariances_scalar(LatticeCt& ct, const Ridges& ridges);
+void invert_covariances_simd(LatticeCt& ct, const Ridges& ridges);
 
 /// A row of points of a lattice in a CT.
 struct LatticeRow {
@@ -60,7 +66,7 @@ struct LatticeRow {
 };
 
 /// Samples `count` points of a row, by trilinear interpolation of the bytes. Outside the CT there
-/// is background without gradient. Writes what LatticeCt has, and up to kBlockLanes numbers more
+/// is background without gradient. Writes what LatticeCt has, and up to kBlockLanes words more
 /// that are undefined.
 void sample_row_scalar(const LatticeRow& row, int count, std::uint32_t* value,
                        std::uint32_t* gradient);

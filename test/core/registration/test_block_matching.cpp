@@ -161,14 +161,13 @@ TEST(UltrasoundBlocks, AreNormalisedCubesSideBySide) {
   for (const UltrasoundBlock& block : blocks) {
     double sum = 0.0;
     double squares = 0.0;
-    for (const std::int16_t value : block.ultrasound) {
-      sum += value;
-      squares += value * value;
+    for (const std::int8_t cell : block.ultrasound.cells) {
+      sum += cell;
+      squares += cell * cell;
     }
-    // Each of the 64 cells is rounded.
-    EXPECT_NEAR(sum, 0.0, 32.0);
-    EXPECT_NEAR(std::sqrt(squares), kBlockNorm, 4.0);
-    EXPECT_EQ(block.known, 64.0F);
+    EXPECT_EQ(sum, 0.0);
+    EXPECT_FLOAT_EQ(block.ultrasound.norm, static_cast<float>(std::sqrt(squares)));
+    EXPECT_EQ(block.ultrasound.known, 64.0F);
     const Vector3d middle = 4.0 * (block.first.cast<double>() + Vector3d::Constant(2.0));
     EXPECT_LT((block.middle_us_mm - middle).norm(), 1e-9);
   }

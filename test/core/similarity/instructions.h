@@ -2,6 +2,8 @@
 
 // The kernels leave out these instructions as well.
 #define HWY_DISABLED_TARGETS HWY_SSSE3
+// Some kernels have instructions that few processors have.
+#define HWY_WANT_AVX3_DL
 #include <hwy/highway.h>
 
 #include <cstdint>

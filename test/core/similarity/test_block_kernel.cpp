@@ -16,8 +16,7 @@ using Eigen::Vector3i;
 using Cells = Eigen::Matrix<double, kBlockCells, 1>;
 using CellsOfCt = Eigen::Matrix<double, kBlockCells, 2>;
 
-constexpr float kValueRidge = 9e4F;
-constexpr float kGradientRidge = 4e4F;
+constexpr Ridges kRidges{22.0F, 10.0F};
 
 /// A block of which all cells are known, and a lattice around it.
 struct BlockScene {
@@ -28,24 +27,31 @@ struct BlockScene {
 
   BlockScene() {
     for (std::size_t i = 0; i < ct.value.size(); ++i) {
-      ct.value[i] = static_cast<std::uint32_t>(integer(0, 16320));
-      ct.gradient[i] = static_cast<std::uint32_t>(integer(0, 6000));
+      ct.value[i] = static_cast<std::uint32_t>(integer(0, 255));
+      ct.gradient[i] = static_cast<std::uint32_t>(integer(0, 255));
     }
     for (std::vector<std::uint32_t>* words : {&ct.value, &ct.gradient})
-      for (std::size_t i = 0; i + 1 < words->size(); ++i) (*words)[i] |= (*words)[i + 1] << 16;
-    ct.invert_covariances(kValueRidge, kGradientRidge);
+      for (std::size_t i = 0; i + 3 < words->size(); ++i)
+        (*words)[i] |= (*words)[i + 1] << 8 | (*words)[i + 2] << 16 | (*words)[i + 3] << 24;
+    invert_covariances_simd(ct, kRidges);
     Cells cells;
     for (double& cell : cells) cell = uniform(-2.0, 2.0);
     set_ultrasound(cells);
   }
-  /// As bright as these cells, but for scale and offset.
+  /// As bright as these cells, but for scale and offset, and rounded.
   void set_ultrasound(Cells cells) {
     cells.array() -= cells.mean();
-    cells *= static_cast<double>(kBlockNorm) / cells.norm();
+    cells *= 120.0 / cells.cwiseAbs().maxCoeff();
+    cells = cells.array().round();
+    // Rounding must not leave a sum, which the covariances do not know.
+    for (int i = 0; cells.sum() != 0.0; ++i)
+      cells[i % kBlockCells] -= cells.sum() > 0.0 ? 1.0 : -1.0;
     for (int i = 0; i < kBlockCells; ++i)
-      ultrasound[static_cast<std::size_t>(i)] = static_cast<std::int16_t>(std::lround(cells[i]));
+      ultrasound.cells[static_cast<std::size_t>(i)] = static_cast<std::int8_t>(cells[i]);
+    ultrasound.norm = static_cast<float>(cells.norm());
+    ultrasound.known = kBlockCells;
   }
-  BlockMatch match() const { return {ct, first, translations, ultrasound, kBlockCells}; }
+  BlockMatch match() const { return {ct, first, translations, ultrasound}; }
   std::size_t values() const {
     return whole_vectors(translations.x()) *
            static_cast<std::size_t>(translations.y() * translations.z());
@@ -58,8 +64,8 @@ struct BlockScene {
       for (int j = 0; j < kBlockEdge; ++j)
         for (int i = 0; i < kBlockEdge; ++i, ++row) {
           const std::size_t at = ct.place(first + translation + Vector3i(i, j, k));
-          columns(row, 0) = LatticeCt::number(ct.value[at]);
-          columns(row, 1) = LatticeCt::number(ct.gradient[at]);
+          columns(row, 0) = LatticeCt::byte(ct.value[at]);
+          columns(row, 1) = LatticeCt::byte(ct.gradient[at]);
         }
     columns.rowwise() -= columns.colwise().mean();
     return columns;
@@ -87,13 +93,13 @@ RC_GTEST_PROP(BlockKernel, ValuesAreWhatALinearFunctionOfTheCtExplains, ()) {
   const BlockScene scene;
   const std::vector<std::uint8_t> values = values_of(scene, block_values_scalar);
   Cells u;
-  for (int i = 0; i < kBlockCells; ++i) u[i] = scene.ultrasound[static_cast<std::size_t>(i)];
+  for (int i = 0; i < kBlockCells; ++i) u[i] = scene.ultrasound.cells[static_cast<std::size_t>(i)];
   u.normalize();
   for_translations(scene, [&](const Vector3i& translation, std::size_t at) {
     const CellsOfCt ct = scene.under(translation);
     const Eigen::Vector2d product = ct.transpose() * u;
     Eigen::Matrix2d covariance = ct.transpose() * ct / kBlockCells;
-    covariance.diagonal() += Eigen::Vector2d(kValueRidge, kGradientRidge);
+    covariance.diagonal() += Eigen::Vector2d(kRidges.value, kRidges.gradient);
     const double explained = product.dot(covariance.ldlt().solve(product));
     RC_ASSERT(std::abs(values[at] - static_cast<double>(kPartsOfCell) * explained) < 0.6);
   });

@@ -118,8 +118,7 @@ BlockValues BlockSums::write_values(const LatticeCt& ct, std::size_t block, cons
   const std::size_t row = whole_vectors(count.x());
   const std::size_t slice = row * static_cast<std::size_t>(count.y());
   values.resize(slice * static_cast<std::size_t>(count.z()) + kBlockLanes);
-  block_values_simd({ct, of.first + margin_low_ + first, count, of.ultrasound, of.known},
-                    values.data());
+  block_values_simd({ct, of.first + margin_low_ + first, count, of.ultrasound}, values.data());
   return {values.data(), row, slice};
 }
 
@@ -178,9 +177,18 @@ void BlockSums::add_optima(const int* sums, std::size_t rotation,
       }
 }
 
-void BlockSums::climb(const LatticeCt& ct, int around, BlockPlace& place) const {
-  const Vector3i edges = Vector3i::Constant(2 * around + 1);
-  const Vector3i first = place.cells - Vector3i::Constant(around);
+void BlockSums::add_rest(const LatticeCt& ct, BlockPlace& place) const {
+  std::vector<std::uint8_t> values;
+  for (std::size_t block = part_; block < blocks_.size(); ++block) {
+    write_values(ct, block, offsets_[block].of_rotations[place.rotation] + place.cells,
+                 Vector3i::Ones(), values);
+    place.explained += values.front();
+  }
+}
+
+void BlockSums::climb(const LatticeCt& ct, BlockPlace& place) const {
+  const Vector3i edges = Vector3i::Constant(2 * kAround + 1);
+  const Vector3i first = place.cells - Vector3i::Constant(kAround);
   std::vector<std::uint8_t> values;
   std::vector<int> sums(whole_vectors(edges.x()) * static_cast<std::size_t>(edges.y() * edges.z()));
   BlockValues written;
@@ -207,9 +215,9 @@ std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_
     add_optima(sums.data() + r * sums_per_rotation(), r, places);
   keep_best(places, kMostOptima);
   if (part_ == blocks_.size()) return places;
-  for (BlockPlace& place : places) climb(lattice, 0, place);
+  for (BlockPlace& place : places) add_rest(lattice, place);
   keep_best(places, kMostClimbed);
-  for (BlockPlace& place : places) climb(lattice, kAround, place);
+  for (BlockPlace& place : places) climb(lattice, place);
   keep_best(places, kMostClimbed);
   return places;
 }

@@ -61,9 +61,10 @@ class BlockSums {
     return whole_vectors(translations_) * static_cast<std::size_t>(translations_ * translations_);
   }
   void add_optima(const int* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
-  /// Sums all blocks at a place and so many cells around it along each axis, and moves it to the
-  /// highest sum.
-  void climb(const LatticeCt& ct, int around, BlockPlace& place) const;
+  /// Adds the blocks that are not of the part.
+  void add_rest(const LatticeCt& ct, BlockPlace& place) const;
+  /// Sums all blocks at a place and around it, and moves it to the highest sum.
+  void climb(const LatticeCt& ct, BlockPlace& place) const;
 
   const UltrasoundCells& cells_;
   std::vector<UltrasoundBlock> blocks_;

@@ -1,6 +1,8 @@
 #include "registration/search/ultrasound_blocks.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace usct::registration {
 namespace {
@@ -25,18 +27,30 @@ void for_known(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, const 
 
 /// Nothing if the known cells do not vary.
 std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& values,
-                                          const std::array<bool, kBlockCells>& known, float count) {
-  float mean = 0.0F;
-  for (const float value : values) mean += value / count;
-  const auto deviation = [&](std::size_t i) { return known[i] ? values[i] - mean : 0.0F; };
-  float squares = 0.0F;
-  for (std::size_t i = 0; i < values.size(); ++i) squares += deviation(i) * deviation(i);
-  // Rounding leaves no variance of less than this to constant ultrasound.
-  if (!(squares > 1e-6F * count * mean * mean) || !(squares > 0.0F)) return std::nullopt;
+                                          const std::array<bool, kBlockCells>& known) {
   BlockUltrasound block;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    block[i] =
-        static_cast<std::int16_t>(std::lround(kBlockNorm * deviation(i) / std::sqrt(squares)));
+  block.known = static_cast<float>(std::count(known.begin(), known.end(), true));
+  float mean = 0.0F;
+  for (const float value : values) mean += value / block.known;
+  const auto deviation = [&](std::size_t i) { return known[i] ? values[i] - mean : 0.0F; };
+  float most = 0.0F;
+  for (std::size_t i = 0; i < values.size(); ++i) most = std::max(most, std::abs(deviation(i)));
+  // Rounding leaves no deviation of less than this to constant ultrasound.
+  if (!(most > 1e-3F * std::abs(mean)) || !(most > 0.0F)) return std::nullopt;
+  // Sums are rounded in place of cells, so that the sum of all is 0, and each is off by less
+  // than 1.
+  constexpr float kMost = std::numeric_limits<std::int8_t>::max();
+  float sum = 0.0F;
+  int written = 0;
+  int squares = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    sum += kMost / most * deviation(i);
+    const int cell = static_cast<int>(std::lround(sum)) - written;
+    written += cell;
+    squares += cell * cell;
+    block.cells[i] = static_cast<std::int8_t>(cell);
+  }
+  block.norm = std::sqrt(static_cast<float>(squares));
   return block;
 }
 
@@ -70,14 +84,14 @@ std::optional<UltrasoundBlock> UltrasoundCells::block_at(const Vector3i& first) 
         known[i] = is_known(cell);
         if (!known[i]) continue;
         values[i] = cells_[place(cell)].sum / cells_[place(cell)].count;
-        block.known += 1.0F;
         sum_mm += middle_us_mm(cell.cast<double>());
       }
-  if (block.known < 0.5F * kBlockCells) return std::nullopt;
-  const std::optional<BlockUltrasound> ultrasound = normalised(values, known, block.known);
+  const auto count = std::count(known.begin(), known.end(), true);
+  if (2 * count < kBlockCells) return std::nullopt;
+  const std::optional<BlockUltrasound> ultrasound = normalised(values, known);
   if (!ultrasound) return std::nullopt;
   block.ultrasound = *ultrasound;
-  block.middle_us_mm = sum_mm / static_cast<double>(block.known);
+  block.middle_us_mm = sum_mm / static_cast<double>(count);
   return block;
 }
 

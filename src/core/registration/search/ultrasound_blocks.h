@@ -15,7 +15,6 @@ struct UltrasoundBlock {
   Eigen::Vector3i first;         // its first cell
   Eigen::Vector3d middle_us_mm;  // of its known cells
   BlockUltrasound ultrasound;
-  float known = 0.0F;  // cells
 };
 
 /// Ultrasound averaged in the cells of a lattice along the axes of the US frame, and cut into
