@@ -54,7 +54,7 @@ struct SearchOptions {
   /// Greatest number of rounds; [1, 32]. A search goes on in another round, from starts of its own,
   /// while its best optimum is refused, and is no better than chance or no firmer than a wrong
   /// pose.
-  int rounds = 4;
+  int rounds = 8;
   /// Optima closer than this (mean displacement of the field of view) count as one, mm.
   double distinct_mm = 4.0;
   /// Number of distinct optima that are kept at the end; >= 1.

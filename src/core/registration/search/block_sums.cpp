@@ -69,7 +69,8 @@ BlockSums::BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> 
       part_(summed == Everywhere::kAll ? blocks_.size() : spread_part(blocks_)),
       rotations_(std::move(rotations)),
       centre_us_mm_(centre_us_mm),
-      reach_(static_cast<int>(std::ceil(translation_mm / UltrasoundCells::kMm))),
+      // A translation lies up to half a cell from one of whole cells.
+      reach_(static_cast<int>(std::ceil(translation_mm / UltrasoundCells::kMm - 0.5))),
       translations_(2 * reach_ + 1) {
   for (const UltrasoundBlock& block : blocks_) {
     offsets_.push_back(offsets_of(block));
