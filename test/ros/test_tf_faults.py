@@ -106,11 +106,10 @@ class TfFaults(TfPublisherCase):
         print(f"{len(look_ups.seen)} look-ups at now, {len(between)} of them at a pose that was never accepted")
         self.assertFalse(between)
         # Three alignments came after another one. No time that Python can express lies in between, where tf would
-        # interpolate.
-        begun = [(a, b) for a, b in zip(stamps.seconds(), stamps.seconds()[1:]) if b - a < 1e-4]
-        self.assertEqual(len(begun), 3, begun)
-        for last, first in begun:
-            self.assertEqual(math.nextafter(last, math.inf), first)
+        # interpolate. (On a busy machine two broadcasts of one alignment may come within a few microseconds.)
+        close = [(a, b) for a, b in zip(stamps.seconds(), stamps.seconds()[1:]) if b - a < 1e-4]
+        begun = [(last, first) for last, first in close if math.nextafter(last, math.inf) == first]
+        self.assertEqual(len(begun), 3, close)
 
     def test_a_switch_is_a_switch(self):
         self.check_switches()

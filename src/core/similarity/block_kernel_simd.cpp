@@ -3,7 +3,7 @@
 // The file is compiled once per instruction set; the machine's best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "similarity/block_kernel_simd.cpp"
-#define HWY_WANT_AVX3_DL  // an instruction for products of bytes
+#define HWY_WANT_AVX3_DL         // an instruction for products of bytes
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
