@@ -25,11 +25,12 @@ void for_known(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, const 
   }
 }
 
-/// Nothing if the known cells do not vary.
+/// Nothing if less than half of the cells are known, or they do not vary.
 std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& values,
                                           const std::array<bool, kBlockCells>& known) {
   BlockUltrasound block;
   block.known = static_cast<float>(std::count(known.begin(), known.end(), true));
+  if (block.known < 0.5F * kBlockCells) return std::nullopt;
   float mean = 0.0F;
   for (const float value : values) mean += value / block.known;
   const auto deviation = [&](std::size_t i) { return known[i] ? values[i] - mean : 0.0F; };
@@ -86,12 +87,10 @@ std::optional<UltrasoundBlock> UltrasoundCells::block_at(const Vector3i& first) 
         values[i] = cells_[place(cell)].sum / cells_[place(cell)].count;
         sum_mm += middle_us_mm(cell.cast<double>());
       }
-  const auto count = std::count(known.begin(), known.end(), true);
-  if (2 * count < kBlockCells) return std::nullopt;
   const std::optional<BlockUltrasound> ultrasound = normalised(values, known);
   if (!ultrasound) return std::nullopt;
   block.ultrasound = *ultrasound;
-  block.middle_us_mm = sum_mm / static_cast<double>(count);
+  block.middle_us_mm = sum_mm / static_cast<double>(ultrasound->known);
   return block;
 }
 
