@@ -120,7 +120,8 @@ class RegistrationClient {
   }
   Result call() {
     msg::Register call;
-    EXPECT_TRUE(service.call(call));
+    // roscpp sometimes closes the connection before it has read the answer (ros_comm, issue 1976).
+    EXPECT_TRUE(service.call(call) || service.call(call));
     EXPECT_EQ(call.response.success, call.response.result.status.code == Status::REGISTERED);
     EXPECT_EQ(call.response.message, call.response.result.status.message);
     return call.response.result;
