@@ -17,6 +17,15 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+/// The edge of a cell of the ultrasound. Cells of 4 mm have lost much of what tells places apart.
+constexpr double kCellMm = 2.5;
+/// The edge where samples lie too far apart to fill smaller cells, and where all orientations are
+/// searched, which would take minutes with smaller ones.
+constexpr double kCoarseCellMm = 4.0;
+constexpr double kLeastFilled = 0.6;
+/// A larger field has larger cells, so that it has no more blocks than this.
+constexpr double kMostBlocks = 1000.0;
+
 /// Blocks are compared at orientations that lie so far from each other at most, and summed at
 /// rotations in between that lie so far from each other at most. A block that is turned by half the
 /// way to the next orientation lies a cell beside the CT at its corners.
@@ -32,7 +41,7 @@ constexpr double kMostMm = 40.0;
 /// The best places are searched again around them, at so many rotations along each axis and with
 /// translations up to that.
 constexpr int kFineRotations = 3;
-constexpr double kFineMm = 8.0;
+constexpr double kFineMm = 5.0;
 
 int parts_of(double width, double most) {
   return std::max(1, static_cast<int>(std::ceil(width / most)));
@@ -67,6 +76,21 @@ std::optional<int> parts_of_box(const StartOptions& region) {
 double width_of_part(const StartOptions& region) {
   const std::optional<int> parts = parts_of_box(region);
   return parts ? 2.0 * region.rotation_rad / *parts : kOrientationRad;
+}
+
+/// So many blocks fill the field.
+double blocks_of(const BeamUltrasound& us, double cell_mm) {
+  const UltrasoundCells cells(us, Isometry3d::Identity(), cell_mm);
+  return static_cast<double>(cells.known()) / kBlockCells;
+}
+
+double cell_mm_for(const BeamUltrasound& us, const StartOptions& region) {
+  const double coarse = blocks_of(us, kCoarseCellMm);
+  const double fine = blocks_of(us, kCellMm);
+  const double as_many = std::pow(kCoarseCellMm / kCellMm, 3.0) * coarse;
+  const bool is_fine = parts_of_box(region) && fine >= kLeastFilled * as_many;
+  return is_fine ? kCellMm * std::max(1.0, std::cbrt(fine / kMostBlocks))
+                 : kCoarseCellMm * std::max(1.0, std::cbrt(coarse / kMostBlocks));
 }
 
 /// The orientations of a region, at the initial translation.
@@ -112,24 +136,30 @@ std::vector<Candidate> best_places(const BlockSums& sums, const PackedCt& ct,
 
 }  // namespace
 
+BlockMatching::BlockMatching(std::shared_ptr<const BeamUltrasound> us,
+                             std::shared_ptr<const PackedCt> ct, const StartOptions& region)
+    : us_(std::move(us)),
+      ct_(std::move(ct)),
+      region_(region),
+      cell_mm_(cell_mm_for(*us_, region_)) {}
+
 bool BlockMatching::covers(const StartOptions& region) {
   return region.translation_mm <= kMostMm &&
          (parts_of_box(region) || region.region == StartRegion::kBall);
 }
 
 std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
-                                            const StartOptions& region, const Isometry3d& mirror,
-                                            const FieldPoints& field, double distinct_mm,
-                                            std::size_t most, Run& run) const {
-  const UltrasoundCells cells(*us_, mirror);
+                                            const Isometry3d& mirror, const FieldPoints& field,
+                                            double distinct_mm, std::size_t most, Run& run) const {
+  const UltrasoundCells cells(*us_, mirror, cell_mm_);
   const std::vector<UltrasoundBlock> blocks = cells.blocks();
   if (blocks.empty()) return {};
-  const double width = width_of_part(region);
+  const double width = width_of_part(region_);
   const int rotations = parts_of(width, kRotationRad);
   const BlockSums coarse(cells, blocks, BlockSums::Everywhere::kPart,
-                         middles_of_parts(0.5 * width, rotations), region.translation_mm,
+                         middles_of_parts(0.5 * width, rotations), region_.translation_mm,
                          field.centre_us_mm());
-  const std::vector<Isometry3d> orientations = orientations_of(region, T_us_ct_initial, field);
+  const std::vector<Isometry3d> orientations = orientations_of(region_, T_us_ct_initial, field);
   std::vector<Candidate> places =
       best_places(coarse, *ct_, orientations, std::numeric_limits<std::size_t>::max(), run);
   const std::size_t refined = std::max(most, orientations.size());

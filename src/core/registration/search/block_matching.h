@@ -22,26 +22,28 @@ namespace usct::registration {
 /// sums over them cover all poses in between.
 class BlockMatching {
  public:
-  /// Conditioned ultrasound, `known` at the samples that count, at a spacing of 4 mm at most; a CT
-  /// at a spacing of about 4 mm.
-  BlockMatching(std::shared_ptr<const BeamUltrasound> us, std::shared_ptr<const PackedCt> ct)
-      : us_(std::move(us)), ct_(std::move(ct)) {}
+  /// Conditioned ultrasound, `known` at the samples that count, not much farther apart than 2 mm;
+  /// a CT at a spacing of about 2 mm; a region of poses around an initial one that it `covers`.
+  BlockMatching(std::shared_ptr<const BeamUltrasound> us, std::shared_ptr<const PackedCt> ct,
+                const StartOptions& region);
 
   /// Whether blocks are matched in such a region.
   static bool covers(const StartOptions& region);
 
-  /// Poses in such a region around the initial pose, best first, `most` at most; those closer than
+  /// Poses in the region around the initial pose, best first, `most` at most; those closer than
   /// `distinct_mm` count as one. A ball is searched as the box around it, unless it reaches turns
   /// that no box of rotation vectors covers evenly. The ultrasound lies where
   /// `mirror` moves it (see mirror_of). The value of a candidate is the sum over the blocks; there
   /// is none if the ultrasound has no block.
-  std::vector<Candidate> poses(const Eigen::Isometry3d& T_us_ct_initial, const StartOptions& region,
+  std::vector<Candidate> poses(const Eigen::Isometry3d& T_us_ct_initial,
                                const Eigen::Isometry3d& mirror, const FieldPoints& field,
                                double distinct_mm, std::size_t most, Run& run) const;
 
  private:
-  std::shared_ptr<const BeamUltrasound> us_;
-  std::shared_ptr<const PackedCt> ct_;
+  const std::shared_ptr<const BeamUltrasound> us_;
+  const std::shared_ptr<const PackedCt> ct_;
+  const StartOptions region_;
+  const double cell_mm_;  // the edge of a cell of the ultrasound
 };
 
 }  // namespace usct::registration

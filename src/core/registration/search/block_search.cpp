@@ -31,8 +31,8 @@ BlockSearch::BlockSearch(const RegistrationInput& input, const ImagePyramid& ima
                          std::shared_ptr<const Similarity> similarity)
     : options_(options_of(input.options.search)),
       similarity_(std::move(similarity)),
-      matching_(images.levels.back().images->shared_ultrasound(),
-                images.levels.front().images->packed_ct()),
+      matching_(images.prepared.us, images.levels.back().images->packed_ct(),
+                *input.options.search.starts),
       problem_{{{similarity_.get(), nullptr}},
                options_,
                input.T_us_ct_initial,

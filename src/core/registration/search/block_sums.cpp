@@ -15,8 +15,8 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 /// The ridges of value and gradient, as standard deviations.
-constexpr double kRidgeHu = 10.0;
-constexpr double kRidgeHuPerMm = 3.0;
+constexpr double kRidgeHu = 5.0;
+constexpr double kRidgeHuPerMm = 1.5;
 
 /// So many optima of a part of the blocks are summed over all blocks, and so many of these also at
 /// the translations around them.
@@ -24,27 +24,23 @@ constexpr std::size_t kMostOptima = 64;
 constexpr std::size_t kMostClimbed = 8;
 constexpr int kAround = 1;
 
-/// Moves a quarter or half of the blocks to the front that is spread over all, or leaves them as
-/// they are. Returns their number. Fewer blocks than this do not tell optima from noise.
-std::size_t spread_part(std::vector<UltrasoundBlock>& blocks) {
-  constexpr std::ptrdiff_t kLeast = 150;
-  const auto is_odd = [](const UltrasoundBlock& block, int axis) {
-    return block.first[axis] / kBlockEdge % 2 != 0;
+/// Orders blocks so that the first of them are spread over all, however many are taken: those with
+/// even places along all axes come first, and of these again the even ones of the even ones.
+/// Returns the size of the part that is summed everywhere.
+std::size_t spread(std::vector<UltrasoundBlock>& blocks) {
+  constexpr std::size_t kPart = 76;
+  const auto rank = [](const UltrasoundBlock& block) {
+    constexpr int kBits = 10;
+    std::uint32_t bits = 0;
+    for (int bit = 0; bit < kBits; ++bit)
+      for (const int first : block.first)
+        bits = bits << 1U | (static_cast<std::uint32_t>(first / kBlockEdge) >> bit & 1U);
+    return bits;
   };
-  const auto is_of_quarter = [&](const UltrasoundBlock& block) {
-    return is_odd(block, 0) == is_odd(block, 1) && is_odd(block, 1) == is_odd(block, 2);
-  };
-  const auto is_of_half = [&](const UltrasoundBlock& block) {
-    return (is_odd(block, 0) != is_odd(block, 1)) == is_odd(block, 2);
-  };
-  const auto moved_to_front = [&](const auto& is_of_part) {
-    if (std::count_if(blocks.begin(), blocks.end(), is_of_part) < kLeast) return blocks.begin();
-    return std::stable_partition(blocks.begin(), blocks.end(), is_of_part);
-  };
-  auto end = moved_to_front(is_of_quarter);
-  if (end == blocks.begin()) end = moved_to_front(is_of_half);
-  if (end == blocks.begin()) end = blocks.end();
-  return static_cast<std::size_t>(end - blocks.begin());
+  std::stable_sort(
+      blocks.begin(), blocks.end(),
+      [&](const UltrasoundBlock& a, const UltrasoundBlock& b) { return rank(a) < rank(b); });
+  return std::min(kPart, blocks.size());
 }
 
 void keep_best(std::vector<BlockPlace>& places, std::size_t most) {
@@ -66,12 +62,15 @@ BlockSums::BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> 
                      const Vector3d& centre_us_mm)
     : cells_(cells),
       blocks_(std::move(blocks)),
-      part_(summed == Everywhere::kAll ? blocks_.size() : spread_part(blocks_)),
+      summed_(summed),
+      part_(summed == Everywhere::kAll ? blocks_.size() : spread(blocks_)),
       rotations_(std::move(rotations)),
       centre_us_mm_(centre_us_mm),
       // A translation lies up to half a cell from one of whole cells.
-      reach_(static_cast<int>(std::ceil(translation_mm / UltrasoundCells::kMm - 0.5))),
-      translations_(2 * reach_ + 1) {
+      reach_(static_cast<int>(std::ceil(translation_mm / cells.edge_mm() - 0.5))),
+      translations_(2 * reach_ + 1),
+      stride_(summed == Everywhere::kAll ? Vector3i(1, 1, 1) : Vector3i(1, 2, 2)),
+      sums_((Vector3i::Constant(translations_ - 1).array() / stride_.array() + 1).matrix()) {
   for (const UltrasoundBlock& block : blocks_) {
     offsets_.push_back(offsets_of(block));
     margin_low_ = margin_low_.cwiseMax(-offsets_.back().least);
@@ -87,7 +86,7 @@ BlockSums::Offsets BlockSums::offsets_of(const UltrasoundBlock& block) const {
   const Vector3d from_centre = block.middle_us_mm - centre_us_mm_;
   for (const Matrix3d& rotation : rotations_) {
     const Vector3d moved = rotation.transpose() * from_centre - from_centre;
-    offsets.of_rotations.push_back((moved / UltrasoundCells::kMm).array().round().cast<int>());
+    offsets.of_rotations.push_back((moved / cells_.edge_mm()).array().round().cast<int>());
   }
   offsets.least = offsets.most = offsets.of_rotations.front();
   for (const Vector3i& offset : offsets.of_rotations) {
@@ -125,7 +124,7 @@ BlockValues BlockSums::write_values(const LatticeCt& ct, std::size_t block, cons
 
 void BlockSums::add(const LatticeCt& ct, std::size_t begin, std::size_t end, Batch& values,
                     std::vector<std::uint16_t>& sums) const {
-  const std::vector<std::uint8_t> zeros(whole_vectors(translations_));
+  const std::vector<std::uint8_t> zeros(whole_vectors(sums_.x()));
   std::array<BlockValues, kBlocksAdded> written;
   written.fill({zeros.data(), 0, 0});
   for (std::size_t block = begin; block < end; ++block) {
@@ -135,11 +134,13 @@ void BlockSums::add(const LatticeCt& ct, std::size_t begin, std::size_t end, Bat
         offsets.most - offsets.least + Vector3i::Constant(translations_), values[block - begin]);
   }
   for (std::size_t r = 0; r < rotations_.size(); ++r) {
-    BlockSum sum{written, Vector3i::Constant(translations_), &sums[r * sums_per_rotation()]};
+    BlockSum sum{written, sums_, &sums[r * sums_per_rotation()]};
     for (std::size_t block = begin; block < end; ++block) {
       const Offsets& offsets = offsets_[block];
       BlockValues& of_block = sum.blocks[block - begin];
       of_block = of_block.from(offsets.of_rotations[r] - offsets.least);
+      of_block.row *= static_cast<std::size_t>(stride_.y());
+      of_block.slice *= static_cast<std::size_t>(stride_.z());
     }
     add_blocks_simd(sum);
   }
@@ -164,17 +165,19 @@ std::vector<int> BlockSums::sums_of_part(const LatticeCt& ct) const {
 
 void BlockSums::add_optima(const int* sums, std::size_t rotation,
                            std::vector<BlockPlace>& optima) const {
-  const auto row = static_cast<std::ptrdiff_t>(whole_vectors(translations_));
-  const std::ptrdiff_t slice = row * translations_;
-  for (int z = 0; z < translations_; ++z)
-    for (int y = 0; y < translations_; ++y)
-      for (int x = 0; x < translations_; ++x) {
+  const auto row = static_cast<std::ptrdiff_t>(whole_vectors(sums_.x()));
+  const std::ptrdiff_t slice = row * sums_.y();
+  for (int z = 0; z < sums_.z(); ++z)
+    for (int y = 0; y < sums_.y(); ++y)
+      for (int x = 0; x < sums_.x(); ++x) {
         const int* here = sums + z * slice + y * row + x;
-        const auto falls = [&](int i, std::ptrdiff_t step) {
-          return (i == 0 || here[-step] <= *here) && (i + 1 == translations_ || here[step] < *here);
+        const auto falls = [&](int i, int count, std::ptrdiff_t step) {
+          return (i == 0 || here[-step] <= *here) && (i + 1 == count || here[step] < *here);
         };
-        if (!falls(x, 1) || !falls(y, row) || !falls(z, slice)) continue;
-        optima.push_back({rotation, Vector3i(x, y, z) - Vector3i::Constant(reach_), *here});
+        if (!falls(x, sums_.x(), 1) || !falls(y, sums_.y(), row) || !falls(z, sums_.z(), slice))
+          continue;
+        const Vector3i cells = stride_.cwiseProduct(Vector3i(x, y, z));
+        optima.push_back({rotation, cells - Vector3i::Constant(reach_), *here});
       }
 }
 
@@ -215,7 +218,7 @@ std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_
   for (std::size_t r = 0; r < rotations_.size(); ++r)
     add_optima(sums.data() + r * sums_per_rotation(), r, places);
   keep_best(places, kMostOptima);
-  if (part_ == blocks_.size()) return places;
+  if (summed_ == Everywhere::kAll) return places;
   for (BlockPlace& place : places) add_rest(lattice, place);
   keep_best(places, kMostClimbed);
   for (BlockPlace& place : places) climb(lattice, place);
@@ -225,7 +228,7 @@ std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_
 
 Isometry3d BlockSums::T_us_ct_at(const BlockPlace& place, const Isometry3d& T_us_ct) const {
   // The CT is read so many cells away from where the block lies.
-  const Vector3d away_mm = UltrasoundCells::kMm * place.cells.cast<double>();
+  const Vector3d away_mm = cells_.edge_mm() * place.cells.cast<double>();
   return motion_about(centre_us_mm_, rotations_[place.rotation]) * Eigen::Translation3d(-away_mm) *
          T_us_ct;
 }

@@ -23,8 +23,8 @@ struct BlockPlace {
 /// them.
 class BlockSums {
  public:
-  /// Whether all blocks are summed everywhere, or a part that is spread over all of them, and all
-  /// at the best optima of that.
+  /// Whether all blocks are summed everywhere, or a part that is spread over all of them at every
+  /// other cell along y and z, and all at and around the best optima of that.
   enum class Everywhere { kAll, kPart };
 
   /// `blocks` are those of `cells`, which must outlive the object; at least one. The rotations turn
@@ -58,7 +58,7 @@ class BlockSums {
   BlockValues write_values(const LatticeCt& ct, std::size_t block, const Eigen::Vector3i& first,
                            const Eigen::Vector3i& count, std::vector<std::uint8_t>& values) const;
   std::size_t sums_per_rotation() const {
-    return whole_vectors(translations_) * static_cast<std::size_t>(translations_ * translations_);
+    return whole_vectors(sums_.x()) * static_cast<std::size_t>(sums_.y() * sums_.z());
   }
   void add_optima(const int* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
   /// Adds the blocks that are not of the part.
@@ -68,11 +68,14 @@ class BlockSums {
 
   const UltrasoundCells& cells_;
   std::vector<UltrasoundBlock> blocks_;
+  const Everywhere summed_;
   std::size_t part_;  // so many of them come first, spread over all
   std::vector<Eigen::Matrix3d> rotations_;
   Eigen::Vector3d centre_us_mm_;
   int reach_;                     // translations by so many cells along each axis, either way
   int translations_;              // in all along each axis
+  Eigen::Vector3i stride_;        // from one translation that is summed everywhere to the next
+  Eigen::Vector3i sums_;          // numbers of these
   std::vector<Offsets> offsets_;  // of each block
   Eigen::Vector3i margin_low_ = Eigen::Vector3i::Zero();
   Eigen::Vector3i margin_high_ = Eigen::Vector3i::Zero();

@@ -13,10 +13,9 @@ namespace {
 std::vector<Candidate> starts_of(const SearchProblem& problem, int round, Run& run) {
   if (!problem.options.starts) return {{problem.T_us_ct_initial, {}}};
   if (problem.blocks != nullptr)
-    return problem.blocks->poses(problem.T_us_ct_initial, *problem.options.starts, problem.mirror,
-                                 problem.field, problem.options.distinct_mm,
-                                 static_cast<std::size_t>(problem.options.levels.front().optimised),
-                                 run);
+    return problem.blocks->poses(
+        problem.T_us_ct_initial, problem.mirror, problem.field, problem.options.distinct_mm,
+        static_cast<std::size_t>(problem.options.levels.front().optimised), run);
   StartOptions all = *problem.options.starts;
   const int first = round * all.count;
   all.count += first;

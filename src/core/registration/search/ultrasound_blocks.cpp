@@ -10,19 +10,44 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-/// Calls use(position in the US frame, brightness) for all samples that count.
-template <typename Use>
-void for_known(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, const Use& use) {
+/// The samples of a beam that count, from the first to the last.
+struct Known {
+  std::size_t begin, end;
+};
+
+Known known_of(const BeamUltrasound& us, std::size_t beam) {
   const auto samples = static_cast<std::size_t>(us.beams.samples());
-  for (std::size_t b = 0; b < us.beams.beams.size(); ++b) {
-    const Beam& beam = us.beams.beams[b];
-    for (std::size_t s = 0; s < samples; ++s) {
-      if (us.known[b * samples + s] == 0) continue;
-      const double depth_mm = us.beams.axial.depth_mm(static_cast<double>(s));
-      const Vector3d at_us_mm = mirror * (beam.origin_mm + depth_mm * beam.direction);
-      use(at_us_mm, us.brightness[b * samples + s]);
-    }
+  const std::uint8_t* const first = us.known.data() + beam * samples;
+  Known known{0, samples};
+  while (known.end > 0 && first[known.end - 1] == 0) --known.end;
+  while (known.begin < known.end && first[known.begin] == 0) ++known.begin;
+  return known;
+}
+
+/// The straight line along which the samples of a beam lie.
+struct SampleLine {
+  Vector3d first, step;
+  Vector3d at(std::size_t sample) const { return first + static_cast<double>(sample) * step; }
+};
+
+SampleLine line_of(const BeamUltrasound& us, std::size_t beam, const Eigen::Affine3d& T) {
+  const Beam& of = us.beams.beams[beam];
+  const double first_mm = us.beams.axial.depth_mm(0.0);
+  return {T * (of.origin_mm + first_mm * of.direction),
+          T.linear() * ((us.beams.axial.depth_mm(1.0) - first_mm) * of.direction)};
+}
+
+/// The box around all samples that count, where T moves them.
+Eigen::AlignedBox3d box_of(const BeamUltrasound& us, const Eigen::Affine3d& T) {
+  Eigen::AlignedBox3d box;
+  for (std::size_t beam = 0; beam < us.beams.beams.size(); ++beam) {
+    const Known known = known_of(us, beam);
+    if (known.begin == known.end) continue;
+    const SampleLine line = line_of(us, beam, T);
+    box.extend(line.at(known.begin));
+    box.extend(line.at(known.end - 1));
   }
+  return box;
 }
 
 /// Nothing if less than half of the cells are known, or they do not vary.
@@ -57,18 +82,39 @@ std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& 
 
 }  // namespace
 
-UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror) {
-  Eigen::AlignedBox3d box;
-  for_known(us, mirror, [&](const Vector3d& at_us_mm, float) { box.extend(at_us_mm); });
+UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror,
+                                 double edge_mm)
+    : edge_mm_(edge_mm) {
+  // Rounding moves no sample out of the lattice.
+  constexpr double kMarginMm = 1e-9;
+  const Eigen::AlignedBox3d box = box_of(us, mirror);
   if (box.isEmpty()) return;
-  origin_us_mm_ = box.min();
-  size_ = (box.sizes() / kMm).array().floor().cast<int>() + 1;
+  origin_us_mm_ = box.min() - Vector3d::Constant(kMarginMm);
+  size_ = ((box.max() - origin_us_mm_).array() + kMarginMm)
+              .matrix()
+              .cwiseQuotient(Vector3d::Constant(edge_mm_))
+              .cast<int>() +
+          Vector3i::Ones();
   cells_.resize(static_cast<std::size_t>(size_.prod()));
-  for_known(us, mirror, [&](const Vector3d& at_us_mm, float brightness) {
-    const Vector3i cell = ((at_us_mm - origin_us_mm_) / kMm).array().floor().cast<int>();
-    cells_[place(cell)].sum += brightness;
-    cells_[place(cell)].count += 1.0F;
-  });
+  Eigen::Affine3d T_cells_us = Eigen::Scaling(1.0 / edge_mm_) *
+                               (Eigen::Translation3d(-origin_us_mm_) * Eigen::Affine3d(mirror));
+  const auto samples = static_cast<std::size_t>(us.beams.samples());
+  for (std::size_t beam = 0; beam < us.beams.beams.size(); ++beam) {
+    const SampleLine line = line_of(us, beam, T_cells_us);
+    const Known known = known_of(us, beam);
+    for (std::size_t s = known.begin; s < known.end; ++s) {
+      const std::size_t sample = beam * samples + s;
+      if (us.known[sample] == 0) continue;
+      Cell& cell = cells_[place(line.at(s).cast<int>())];
+      cell.sum += us.brightness[sample];
+      cell.count += 1.0F;
+    }
+  }
+}
+
+std::size_t UltrasoundCells::known() const {
+  return static_cast<std::size_t>(std::count_if(
+      cells_.begin(), cells_.end(), [](const Cell& cell) { return cell.count > 0.0F; }));
 }
 
 std::optional<UltrasoundBlock> UltrasoundCells::block_at(const Vector3i& first) const {

@@ -21,17 +21,18 @@ struct UltrasoundBlock {
 /// blocks.
 class UltrasoundCells {
  public:
-  /// The edge of a cell. Blocks are as large as the clusters of the evidence, 16 mm.
-  static constexpr double kMm = 4.0;
+  /// Samples count where `known`. They lie where `mirror` moves them (see mirror_of). No cell
+  /// between samples is known whose edge is shorter than the distance between them.
+  UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, double edge_mm);
 
-  /// Samples count where `known`. They lie where `mirror` moves them (see mirror_of).
-  UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror);
-
+  double edge_mm() const { return edge_mm_; }
   const Eigen::Vector3i& size() const { return size_; }
   /// The middle of a cell; cells beyond the lattice have one too.
   Eigen::Vector3d middle_us_mm(const Eigen::Vector3d& cell) const {
-    return origin_us_mm_ + kMm * (cell + Eigen::Vector3d::Constant(0.5));
+    return origin_us_mm_ + edge_mm_ * (cell + Eigen::Vector3d::Constant(0.5));
   }
+  /// The number of cells with a sample that counts.
+  std::size_t known() const;
   /// Blocks side by side, those of which half of the cells are known, and vary.
   std::vector<UltrasoundBlock> blocks() const;
 
@@ -48,6 +49,7 @@ class UltrasoundCells {
     return (cell.array() < size_.array()).all() && cells_[place(cell)].count > 0.0F;
   }
 
+  double edge_mm_;
   Eigen::Vector3d origin_us_mm_ = Eigen::Vector3d::Zero();
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
   std::vector<Cell> cells_;
