@@ -36,7 +36,7 @@ LatticeCt lattice(const Eigen::Vector3i& size) {
     lattice.value[i] = static_cast<std::uint32_t>(i * 7919 % 95 + 94);
     lattice.gradient[i] = static_cast<std::uint32_t>(i * 104729 % 45);
   }
-  for (std::vector<std::uint32_t>* words : {&lattice.value, &lattice.gradient})
+  for (auto* words : {&lattice.value, &lattice.gradient})
     for (std::size_t i = 0; i + 3 < words->size(); ++i)
       (*words)[i] |= (*words)[i + 1] << 8 | (*words)[i + 2] << 16 | (*words)[i + 3] << 24;
   invert_covariances_simd(lattice, kRidges);

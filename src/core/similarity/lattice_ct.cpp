@@ -24,7 +24,7 @@ LatticeCt::LatticeCt(const Eigen::Vector3i& points)
       gradient(value.size()) {}
 
 void invert_covariances_scalar(LatticeCt& ct, const Ridges& ridges) {
-  for (std::vector<float>* inverse : {&ct.inverse_vv, &ct.inverse_vg, &ct.inverse_gg})
+  for (LargeVector<float>* inverse : {&ct.inverse_vv, &ct.inverse_vg, &ct.inverse_gg})
     inverse->resize(ct.value.size());
   constexpr float kShare = 1.0F / (kBlockEdge * kBlockEdge * kBlockEdge);
   const Eigen::Vector3i cubes = ct.size - Eigen::Vector3i::Constant(kBlockEdge - 1);

@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "large_pages.h"
 #include "similarity/packed_ct.h"
 
 namespace usct {
@@ -22,17 +22,17 @@ inline std::size_t whole_vectors(int count) {
 /// A CT at the points of a lattice, i fastest: (i, j, k) is at i + size.x() * (j + size.y() * k).
 /// All arrays have kBlockLanes numbers more than points.
 struct LatticeCt {
-  /// All points are 0, until rows are sampled.
+  /// All points are undefined, until rows are sampled.
   explicit LatticeCt(const Eigen::Vector3i& points);
 
   Eigen::Vector3i size;
   /// CT value and magnitude of its gradient, in bytes of PackedCt: a point in the lowest byte of a
   /// word, its next neighbours along i in the other three; undefined where these do not lie within
   /// the lattice.
-  std::vector<std::uint32_t> value, gradient;
+  LargeVector<std::uint32_t> value, gradient;
   /// The inverse of the covariance of both, with a ridge, over the cube of kBlockEdge^3 points that
   /// begins at a point; undefined where a cube does not lie within the lattice.
-  std::vector<float> inverse_vv, inverse_vg, inverse_gg;
+  LargeVector<float> inverse_vv, inverse_vg, inverse_gg;
 
   std::size_t place(const Eigen::Vector3i& at) const {
     return static_cast<std::size_t>(at.x()) +

@@ -151,7 +151,7 @@ HWY_INLINE void write_inverses(const VSum (&sums)[kSums], const Ridges& ridges, 
 
 /// Slice by slice, so that all that is read and written stays in the cache.
 void invert_covariances(LatticeCt& ct, const Ridges& ridges) {
-  for (std::vector<float>* inverse : {&ct.inverse_vv, &ct.inverse_vg, &ct.inverse_gg})
+  for (LargeVector<float>* inverse : {&ct.inverse_vv, &ct.inverse_vg, &ct.inverse_gg})
     inverse->resize(ct.value.size());
   const auto row = static_cast<std::size_t>(ct.size.x());
   const std::size_t slice = ct.place({0, 0, 1});

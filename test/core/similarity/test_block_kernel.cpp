@@ -30,7 +30,7 @@ struct BlockScene {
       ct.value[i] = static_cast<std::uint32_t>(integer(0, 255));
       ct.gradient[i] = static_cast<std::uint32_t>(integer(0, 255));
     }
-    for (std::vector<std::uint32_t>* words : {&ct.value, &ct.gradient})
+    for (auto* words : {&ct.value, &ct.gradient})
       for (std::size_t i = 0; i + 3 < words->size(); ++i)
         (*words)[i] |= (*words)[i + 1] << 8 | (*words)[i + 2] << 16 | (*words)[i + 3] << 24;
     invert_covariances_simd(ct, kRidges);
