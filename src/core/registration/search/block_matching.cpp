@@ -24,7 +24,7 @@ constexpr double kCellMm = 2.5;
 constexpr double kCoarseCellMm = 4.0;
 constexpr double kLeastFilled = 0.6;
 /// A larger field has larger cells, so that it has no more blocks than this.
-constexpr double kMostBlocks = 1000.0;
+constexpr double kMostInField = 1000.0;
 
 /// Blocks are compared at orientations that lie so far from each other at most, and summed at
 /// rotations in between that lie so far from each other at most. A block that is turned by half the
@@ -89,8 +89,8 @@ double cell_mm_for(const BeamUltrasound& us, const StartOptions& region) {
   const double fine = blocks_of(us, kCellMm);
   const double as_many = std::pow(kCoarseCellMm / kCellMm, 3.0) * coarse;
   const bool is_fine = parts_of_box(region) && fine >= kLeastFilled * as_many;
-  return is_fine ? kCellMm * std::max(1.0, std::cbrt(fine / kMostBlocks))
-                 : kCoarseCellMm * std::max(1.0, std::cbrt(coarse / kMostBlocks));
+  return is_fine ? kCellMm * std::max(1.0, std::cbrt(fine / kMostInField))
+                 : kCoarseCellMm * std::max(1.0, std::cbrt(coarse / kMostInField));
 }
 
 /// The orientations of a region, at the initial translation.
