@@ -197,6 +197,15 @@ TEST(UltrasoundBlocks, HaveAllSamples) {
   }
 }
 
+TEST(UltrasoundBlocks, LieWhereTheirSamplesDo) {
+  BeamUltrasound us = cube(16, true);
+  us.beams.axial.start_depth_mm = 20.0;
+  const std::vector<UltrasoundBlock> blocks =
+      UltrasoundCells(us, Isometry3d::Identity(), 4.0).blocks();
+  ASSERT_EQ(blocks.size(), 1U);
+  EXPECT_LT((blocks.front().middle_us_mm - Vector3d(8.0, 8.0, 28.0)).norm(), 1e-6);
+}
+
 /// Every third line of every third frame.
 BeamUltrasound every_third(const BeamUltrasound& us) {
   BeamUltrasound few = us;
