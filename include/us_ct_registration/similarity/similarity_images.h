@@ -40,7 +40,6 @@ class SimilarityImages {
                    const SimilarityBackend& backend = simd_backend());
 
   const BeamUltrasound& ultrasound() const { return *ultrasound_; }
-  std::shared_ptr<const BeamUltrasound> shared_ultrasound() const { return ultrasound_; }
   /// Null if no patch of the ultrasound has structure. Must not be called from several threads.
   std::shared_ptr<const UltrasoundPatches> patches(const PatchOptions& options);
   /// Throw std::logic_error if there is no such CT.

@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 /// The edge of a cell of the ultrasound. Cells of 4 mm have lost much of what tells places apart.
 constexpr double kCellMm = 2.5;
 /// The edge where samples lie too far apart to fill smaller cells, and where all orientations are
-/// searched, which would take minutes with smaller ones.
+/// searched, each of which would take several times as long with smaller ones.
 constexpr double kCoarseCellMm = 4.0;
 constexpr double kLeastFilled = 0.6;
 /// A larger field has larger cells, so that it has no more blocks than this.

@@ -90,14 +90,12 @@ UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry
   const Eigen::AlignedBox3d box = box_of(us, mirror);
   if (box.isEmpty()) return;
   origin_us_mm_ = box.min() - Vector3d::Constant(kMarginMm);
-  size_ = ((box.max() - origin_us_mm_).array() + kMarginMm)
-              .matrix()
-              .cwiseQuotient(Vector3d::Constant(edge_mm_))
-              .cast<int>() +
-          Vector3i::Ones();
+  const Vector3d extent_mm = box.max() - origin_us_mm_ + Vector3d::Constant(kMarginMm);
+  size_ = (extent_mm / edge_mm_).cast<int>() + Vector3i::Ones();
   cells_.resize(static_cast<std::size_t>(size_.prod()));
-  Eigen::Affine3d T_cells_us = Eigen::Scaling(1.0 / edge_mm_) *
-                               (Eigen::Translation3d(-origin_us_mm_) * Eigen::Affine3d(mirror));
+  const Eigen::Affine3d T_cells_us =
+      Eigen::Scaling(1.0 / edge_mm_) *
+      (Eigen::Translation3d(-origin_us_mm_) * Eigen::Affine3d(mirror));
   const auto samples = static_cast<std::size_t>(us.beams.samples());
   for (std::size_t beam = 0; beam < us.beams.beams.size(); ++beam) {
     const SampleLine line = line_of(us, beam, T_cells_us);
