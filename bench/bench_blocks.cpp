@@ -44,21 +44,21 @@ LatticeCt lattice(const Eigen::Vector3i& size) {
 }
 
 /// A block of ultrasound at as many translations of the CT as a search with 25 mm and 25 degrees
-/// has.
-void match_block(benchmark::State& state, Kernel kernel) {
+/// has, or at every other one along two axes.
+void match_block(benchmark::State& state, Kernel kernel, int stride) {
   const Used used(state, kernel);
   if (!used.available()) return;
-  const Eigen::Vector3i translations(28, 28, 28);
+  const Eigen::Vector3i translations(28, 28 / stride, 28 / stride);
   const LatticeCt ct = lattice(Eigen::Vector3i(97, 75, 81));
   BlockUltrasound block;
   for (std::size_t i = 0; i < block.cells.size(); ++i)
-    block.cells[i] = static_cast<std::int8_t>(i % 2 == 0 ? 100 : -100);
-  block.norm = 800.0F;
+    block.cells[i] = static_cast<std::int8_t>(i % 2 == 0 ? kMostOfCell : -kMostOfCell);
+  block.norm = 8.0F * kMostOfCell;
   block.known = 64.0F;
   std::vector<std::uint8_t> values(28 * 28 * whole_vectors(28));
   const auto values_of = kernel == kScalar ? block_values_scalar : block_values_simd;
   for (auto _ : state) {
-    values_of({ct, Eigen::Vector3i(20, 20, 20), translations, block}, values.data());
+    values_of({ct, Eigen::Vector3i(20, 20, 20), translations, stride, block}, values.data());
     benchmark::DoNotOptimize(values.data());
   }
   finish(state, translations.prod());
@@ -98,10 +98,14 @@ void invert_covariances(benchmark::State& state, Kernel kernel) {
 }
 
 constexpr auto kMs = benchmark::kMillisecond;
-BENCHMARK_CAPTURE(match_block, scalar, kScalar)->Unit(kMs);
-BENCHMARK_CAPTURE(match_block, avx2, HWY_AVX2)->Unit(kMs);
-BENCHMARK_CAPTURE(match_block, avx512, HWY_AVX3)->Unit(kMs);
-BENCHMARK_CAPTURE(match_block, avx512_vnni, HWY_AVX3_DL)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, scalar, kScalar, 1)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, scalar_every_other, kScalar, 2)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx2, HWY_AVX2, 1)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx2_every_other, HWY_AVX2, 2)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512, HWY_AVX3, 1)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512_every_other, HWY_AVX3, 2)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512_vnni, HWY_AVX3_DL, 1)->Unit(kMs);
+BENCHMARK_CAPTURE(match_block, avx512_vnni_every_other, HWY_AVX3_DL, 2)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, scalar, kScalar)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, avx2, HWY_AVX2)->Unit(kMs);
 BENCHMARK_CAPTURE(add_blocks, avx512, HWY_AVX3)->Unit(kMs);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "similarity/lattice_ct.h"
 
@@ -12,6 +13,12 @@
 namespace usct {
 
 constexpr int kBlockCells = kBlockEdge * kBlockEdge * kBlockEdge;
+
+/// Cells of a block have at most so much, either way. Products of bytes are added two by two along
+/// an edge, and those of a slice of the block then stay within 16 bits.
+constexpr int kMostOfCell = 15;
+static_assert(kBlockEdge * kBlockEdge / 2 * 255 * kMostOfCell <=
+              std::numeric_limits<std::int16_t>::max());
 
 /// The ultrasound of a block's cells, x fastest.
 struct BlockUltrasound {
@@ -26,9 +33,16 @@ struct BlockMatch {
   const LatticeCt& ct;
   /// The point of the lattice at which the block begins at the first translation.
   Eigen::Vector3i first;
-  /// Numbers of translations, by one point each.
+  /// Numbers of translations. They are one point apart along x, and so many along y and z.
   Eigen::Vector3i translations;
+  int stride;
   const BlockUltrasound& ultrasound;
+
+  /// The point of the lattice at which the block begins then.
+  std::size_t place(const Eigen::Vector3i& translation) const {
+    return ct.place(first + Eigen::Vector3i(translation.x(), stride * translation.y(),
+                                            stride * translation.z()));
+  }
 };
 
 /// Values count in parts of a cell, and end at 255 of these.

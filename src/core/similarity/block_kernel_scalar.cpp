@@ -12,22 +12,21 @@ void block_values_scalar(const BlockMatch& match, std::uint8_t* values) {
   for (int z = 0; z < match.translations.z(); ++z)
     for (int y = 0; y < match.translations.y(); ++y, values += row)
       for (int x = 0; x < match.translations.x(); ++x) {
-        const Eigen::Vector3i first = match.first + Eigen::Vector3i(x, y, z);
+        const std::size_t first = match.place({x, y, z});
         const std::int8_t* ultrasound = match.ultrasound.cells.data();
         std::int32_t value = 0;
         std::int32_t gradient = 0;
         for (int k = 0; k < kBlockEdge; ++k)
           for (int j = 0; j < kBlockEdge; ++j)
             for (int i = 0; i < kBlockEdge; ++i, ++ultrasound) {
-              const std::size_t at = ct.place(first + Eigen::Vector3i(i, j, k));
+              const std::size_t at = first + ct.place({i, j, k});
               value += *ultrasound * LatticeCt::byte(ct.value[at]);
               gradient += *ultrasound * LatticeCt::byte(ct.gradient[at]);
             }
-        const std::size_t at = ct.place(first);
         const float v = static_cast<float>(value) / match.ultrasound.norm;
         const float g = static_cast<float>(gradient) / match.ultrasound.norm;
-        const float explained = ct.inverse_vv[at] * v * v + 2.0F * ct.inverse_vg[at] * v * g +
-                                ct.inverse_gg[at] * g * g;
+        const float explained = ct.inverse_vv[first] * v * v + 2.0F * ct.inverse_vg[first] * v * g +
+                                ct.inverse_gg[first] * g * g;
         const float parts =
             std::min(kPartsOfCell * std::min(explained, match.ultrasound.known), 255.0F);
         values[x] = static_cast<std::uint8_t>(std::lround(parts));

@@ -27,51 +27,53 @@ void add_blocks(const BlockSum& sum) { add_blocks_scalar(sum); }
 
 constexpr hn::Rebind<std::uint8_t, decltype(dvalue)> dbyte;
 
-/// Instructions that add four products of bytes at once, where the processor has them; else bytes
-/// are read in two parts, each of which is multiplied as numbers of 16 bits.
-#if HWY_TARGET == HWY_AVX3_DL
-constexpr int kParts = 1;
-constexpr int kSlicesUnrolled = kBlockEdge;
-template <int>
-HWY_INLINE VWord part(VWord words) {
-  return words;
-}
-template <int>
-HWY_INLINE VWord part_of_edge(const std::int8_t* cells) {
+/// The edge of a block in all words.
+HWY_INLINE VWord edge(const std::int8_t* cells) {
   std::uint32_t word = 0;
   std::memcpy(&word, cells, sizeof word);
   return hn::Set(dword, word);
 }
-struct EdgeProducts {
-  VSum sum;
 
-  HWY_INLINE EdgeProducts() : sum(hn::Zero(dsum)) {}
-  HWY_INLINE void add(VWord ultrasound, VWord ct) {
+/// A sum of products of the bytes of CT and ultrasound.
+#if HWY_TARGET == HWY_AVX3_DL
+constexpr int kSlicesUnrolled = kBlockEdge;  // registers hold the sums only then
+class EdgeProducts {
+ public:
+  HWY_INLINE EdgeProducts() : sum_(hn::Zero(dsum)) {}
+  HWY_INLINE void add(VWord ct, VWord ultrasound) {
     // Highway 1.0 has no name for it, and does not let compilers use the intrinsic function.
-    asm("vpdpbusd %2, %1, %0" : "+v"(sum.raw) : "v"(ct.raw), "v"(ultrasound.raw));
+    asm("vpdpbusd %2, %1, %0" : "+v"(sum_.raw) : "v"(ct.raw), "v"(ultrasound.raw));
   }
-  HWY_INLINE VSum total() const { return sum; }
+  HWY_INLINE void end_slice() {}
+  HWY_INLINE VSum total() const { return sum_; }
+
+ private:
+  VSum sum_;
 };
 #else
-constexpr int kParts = 2;
 constexpr int kSlicesUnrolled = 1;
-template <int kPart>
-HWY_INLINE VHalf part(VWord words) {
-  return kPart == 0 ? even_bytes(words) : odd_bytes(words);
-}
-template <int kPart>
-HWY_INLINE VHalf part_of_edge(const std::int8_t* cells) {
-  const auto half = [](std::int8_t cell) { return static_cast<std::uint16_t>(cell); };
-  return hn::BitCast(
-      dhalf, hn::Set(dword, half(cells[kPart]) | static_cast<std::uint32_t>(half(cells[kPart + 2]))
-                                                     << 16));
-}
-using EdgeProducts = Products;
+class EdgeProducts {
+ public:
+  HWY_INLINE EdgeProducts() : slice_(hn::Zero(dhalf)) {}
+  HWY_INLINE void add(VWord ct, VWord ultrasound) {
+    // It never saturates. Compilers reorder plain sums, and run out of registers then.
+    slice_ = hn::SaturatedAdd(slice_, pairs_of_products(ct, ultrasound));
+  }
+  HWY_INLINE void end_slice() {
+    products_.add(slice_, hn::Set(dhalf, std::int16_t{1}));
+    slice_ = hn::Zero(dhalf);
+  }
+  HWY_INLINE VSum total() const { return products_.total(); }
+
+ private:
+  VHalf slice_;
+  Products products_;
+};
 #endif
 
 /// So many rows of translations are compared at once: they share most of what is loaded of the CT.
-/// Their sums and a slice of the block stay in registers, of which wide vectors have more.
-constexpr std::size_t kRowsAtOnce = hn::MaxLanes(dvalue) == kBlockLanes ? 5 : 3;
+/// Their sums and a slice of the block stay in registers.
+constexpr int kRowsAtOnce = 5;
 
 /// The values of a vector of translations by its products with value and gradient.
 HWY_INLINE void write(const BlockMatch& match, std::size_t place, VValue value, VValue gradient,
@@ -88,41 +90,37 @@ HWY_INLINE void write(const BlockMatch& match, std::size_t place, VValue value, 
   hn::StoreU(hn::DemoteTo(dbyte, hn::NearestInt(parts)), dbyte, values);
 }
 
-/// The products of so many rows of translations with a part of the block.
-template <int kPart, std::size_t kRows>
-HWY_INLINE void add_products(const BlockMatch& match, std::size_t place,
-                             EdgeProducts (&value)[kRows], EdgeProducts (&gradient)[kRows]) {
-  const LatticeCt& ct = match.ct;
-  const auto row = static_cast<std::size_t>(ct.size.x());
-  const std::size_t slice = row * static_cast<std::size_t>(ct.size.y());
-  // Registers hold the sums only where the loops are unrolled.
+/// The sums for a vector of translations along x, in so many rows, of the block with the words of
+/// the CT from a point of the lattice on.
+template <std::size_t kRows, std::size_t kStride>
+HWY_INLINE void add_products(const BlockMatch& match, const std::uint32_t* ct,
+                             EdgeProducts (&sums)[kRows]) {
+  const auto row = static_cast<std::size_t>(match.ct.size.x());
+  const std::size_t slice = row * static_cast<std::size_t>(match.ct.size.y());
+  const std::int8_t* cells = match.ultrasound.cells.data();
 #pragma GCC unroll kSlicesUnrolled
-  for (std::size_t k = 0; k < kBlockEdge; ++k) {
-    const std::int8_t* const cells = &match.ultrasound.cells[kBlockEdge * kBlockEdge * k];
-    const std::size_t at = place + k * slice;
-    decltype(part_of_edge<kPart>(cells)) u[kBlockEdge];
-    for (std::size_t j = 0; j < kBlockEdge; ++j) u[j] = part_of_edge<kPart>(cells + kBlockEdge * j);
+  for (std::size_t k = 0; k < kBlockEdge; ++k, ct += slice, cells += kBlockEdge * kBlockEdge) {
+    VWord u[kBlockEdge];
+    for (std::size_t j = 0; j < kBlockEdge; ++j) u[j] = edge(cells + kBlockEdge * j);
 #pragma GCC unroll 16
-    for (std::size_t j = 0; j < kRows + kBlockEdge - 1; ++j) {
-      const auto v = part<kPart>(hn::LoadU(dword, ct.value.data() + at + j * row));
-      const auto g = part<kPart>(hn::LoadU(dword, ct.gradient.data() + at + j * row));
+    for (std::size_t j = 0; j < kStride * (kRows - 1) + kBlockEdge; ++j) {
+      const VWord words = hn::LoadU(dword, ct + j * row);
 #pragma GCC unroll 16
       for (std::size_t r = 0; r < kRows; ++r)
-        if (r <= j && j < r + kBlockEdge) {
-          value[r].add(u[j - r], v);
-          gradient[r].add(u[j - r], g);
-        }
+        if (kStride * r <= j && j < kStride * r + kBlockEdge)
+          sums[r].add(words, u[j - kStride * r]);
     }
+    for (EdgeProducts& sum : sums) sum.end_slice();
   }
 }
 
 /// The values of a vector of translations along x, in so many rows, from a point of the lattice on.
-template <std::size_t kRows>
+template <std::size_t kRows, std::size_t kStride>
 HWY_INLINE void write_values(const BlockMatch& match, std::size_t place, std::uint8_t* values) {
   EdgeProducts value[kRows];
   EdgeProducts gradient[kRows];
-  add_products<0>(match, place, value, gradient);
-  if constexpr (kParts == 2) add_products<1>(match, place, value, gradient);
+  add_products<kRows, kStride>(match, match.ct.value.data() + place, value);
+  add_products<kRows, kStride>(match, match.ct.gradient.data() + place, gradient);
   const VValue scale = hn::Set(dvalue, 1.0F / match.ultrasound.norm);
   const auto scaled = [&](const EdgeProducts& products) {
     return hn::Mul(hn::ConvertTo(dvalue, products.total()), scale);
@@ -130,33 +128,36 @@ HWY_INLINE void write_values(const BlockMatch& match, std::size_t place, std::ui
   const auto row = static_cast<std::size_t>(match.ct.size.x());
   const std::size_t values_row = whole_vectors(match.translations.x());
   for (std::size_t r = 0; r < kRows; ++r)
-    write(match, place + r * row, scaled(value[r]), scaled(gradient[r]), values + r * values_row);
+    write(match, place + kStride * r * row, scaled(value[r]), scaled(gradient[r]),
+          values + r * values_row);
 }
 
 /// All translations along y at one of z, and of so many along x.
-template <std::size_t kRows>
+template <std::size_t kRows, std::size_t kStride>
 HWY_INLINE void write_slice(const BlockMatch& match, int x, int z, std::uint8_t* values) {
   const int rows = match.translations.y();
   for (int next = 0; next < rows; next += kRows) {
     const int y = std::min(next, rows - static_cast<int>(kRows));
-    write_values<kRows>(
-        match, match.ct.place(match.first + Eigen::Vector3i(x, y, z)),
+    write_values<kRows, kStride>(
+        match, match.place({x, y, z}),
         values + static_cast<std::size_t>(y) * whole_vectors(match.translations.x()));
   }
 }
 
 void block_values(const BlockMatch& match, std::uint8_t* values) {
-  constexpr std::size_t kFewRows = 3;  // of a place and its neighbours
+  constexpr int kFewRows = 3;  // of a place and its neighbours
   const auto row = static_cast<int>(whole_vectors(match.translations.x()));
   const int rows = match.translations.y();
   for (int z = 0; z < match.translations.z(); ++z, values += rows * row)
     for (int x = 0; x < match.translations.x(); x += static_cast<int>(hn::Lanes(dvalue)))
-      if (rows >= static_cast<int>(kRowsAtOnce))
-        write_slice<kRowsAtOnce>(match, x, z, values + x);
-      else if (rows >= static_cast<int>(kFewRows))
-        write_slice<kFewRows>(match, x, z, values + x);
+      if (match.stride == 1 && rows >= kRowsAtOnce)
+        write_slice<kRowsAtOnce, 1>(match, x, z, values + x);
+      else if (match.stride == 1 && rows >= kFewRows)
+        write_slice<kFewRows, 1>(match, x, z, values + x);
+      else if (match.stride == 2 && rows >= kRowsAtOnce)
+        write_slice<kRowsAtOnce, 2>(match, x, z, values + x);
       else
-        write_slice<1>(match, x, z, values + x);
+        write_slice<1, 1>(match, x, z, values + x);
 }
 
 void add_blocks(const BlockSum& sum) {

@@ -51,6 +51,22 @@ struct Products {
   HWY_INLINE VSum total() const { return hn::RearrangeToOddPlusEven(sum, rest); }
 };
 
+/// The sums, two by two, of the products of the bytes of words with signed bytes. They must not
+/// exceed 16 bits.
+HWY_INLINE VHalf pairs_of_products(VWord words, VWord signed_words) {
+#if HWY_TARGET == HWY_AVX3
+  return VHalf{_mm512_maddubs_epi16(words.raw, signed_words.raw)};
+#elif HWY_TARGET == HWY_AVX2
+  return VHalf{_mm256_maddubs_epi16(words.raw, signed_words.raw)};
+#elif HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_SSSE3
+  return VHalf{_mm_maddubs_epi16(words.raw, signed_words.raw)};
+#else
+  const VHalf pairs = hn::BitCast(dhalf, signed_words);
+  return hn::Add(hn::Mul(even_bytes(words), hn::ShiftRight<8>(hn::ShiftLeft<8>(pairs))),
+                 hn::Mul(odd_bytes(words), hn::ShiftRight<8>(pairs)));
+#endif
+}
+
 #endif
 
 }  // namespace usct::HWY_NAMESPACE

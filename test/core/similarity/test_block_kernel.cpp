@@ -21,8 +21,9 @@ constexpr Ridges kRidges{22.0F, 10.0F};
 /// A block of which all cells are known, and a lattice around it.
 struct BlockScene {
   Vector3i translations{integer(1, 20), integer(1, 5), integer(1, 5)};
+  int stride{integer(1, 3)};
   Vector3i first{integer(0, 3), integer(0, 3), integer(0, 3)};
-  LatticeCt ct{first + translations + Vector3i::Constant(kBlockEdge - 1 + integer(0, 2))};
+  LatticeCt ct{first + cells(translations) + Vector3i::Constant(kBlockEdge - 1 + integer(0, 2))};
   BlockUltrasound ultrasound{};
 
   BlockScene() {
@@ -41,7 +42,7 @@ struct BlockScene {
   /// As bright as these cells, but for scale and offset, and rounded.
   void set_ultrasound(Cells cells) {
     cells.array() -= cells.mean();
-    cells *= 120.0 / cells.cwiseAbs().maxCoeff();
+    cells *= (kMostOfCell - 1) / cells.cwiseAbs().maxCoeff();
     cells = cells.array().round();
     // Rounding must not leave a sum, which the covariances do not know.
     for (int i = 0; cells.sum() != 0.0; ++i)
@@ -51,7 +52,11 @@ struct BlockScene {
     ultrasound.norm = static_cast<float>(cells.norm());
     ultrasound.known = kBlockCells;
   }
-  BlockMatch match() const { return {ct, first, translations, ultrasound}; }
+  /// By so many cells a translation moves the block.
+  Vector3i cells(const Vector3i& translation) const {
+    return translation.cwiseProduct(Vector3i(1, stride, stride));
+  }
+  BlockMatch match() const { return {ct, first, translations, stride, ultrasound}; }
   std::size_t values() const {
     return whole_vectors(translations.x()) *
            static_cast<std::size_t>(translations.y() * translations.z());
@@ -63,7 +68,7 @@ struct BlockScene {
     for (int k = 0; k < kBlockEdge; ++k)
       for (int j = 0; j < kBlockEdge; ++j)
         for (int i = 0; i < kBlockEdge; ++i, ++row) {
-          const std::size_t at = ct.place(first + translation + Vector3i(i, j, k));
+          const std::size_t at = ct.place(first + cells(translation) + Vector3i(i, j, k));
           columns(row, 0) = LatticeCt::byte(ct.value[at]);
           columns(row, 1) = LatticeCt::byte(ct.gradient[at]);
         }
@@ -129,6 +134,30 @@ RC_GTEST_PROP(BlockKernel, AllInstructionsGiveTheValuesOfTheReference, ()) {
     for_translations(scene, [&](const Vector3i&, std::size_t at) {
       RC_ASSERT(std::abs(values[at] - expected[at]) <= 1);  // sums are rounded in another order
     });
+  }
+}
+
+/// Cells that are as large as they may be, where the CT is as large, do not exceed any number.
+TEST(BlockKernel, HoldsTheLargestProducts) {
+  LatticeCt ct(Vector3i::Constant(kBlockEdge));
+  BlockUltrasound ultrasound;
+  for (std::size_t i = 0; i < kBlockCells; ++i) {
+    const bool bright = i < kBlockCells / 2;
+    ct.value[i] = ct.gradient[i] = bright ? 0xFFFFFFFFU : 0U;
+    ultrasound.cells[i] = static_cast<std::int8_t>(bright ? kMostOfCell : -kMostOfCell);
+  }
+  ultrasound.norm = kMostOfCell * std::sqrt(static_cast<float>(kBlockCells));
+  ultrasound.known = kBlockCells;
+  invert_covariances_simd(ct, {65025.0F, 65025.0F});
+  const BlockMatch match{ct, Vector3i::Zero(), Vector3i::Ones(), 1, ultrasound};
+  std::vector<std::uint8_t> expected(kBlockLanes), values(kBlockLanes);
+  block_values_scalar(match, expected.data());
+  // The variance of both is a quarter of the ridge, which leaves a third of what they explain.
+  EXPECT_NEAR(expected.front(), 255.0 / 3.0, 1.0);
+  for (const std::int64_t target : Instructions::all()) {
+    const Instructions used(target);
+    block_values_simd(match, values.data());
+    EXPECT_NEAR(values.front(), expected.front(), 1.0);
   }
 }
 

@@ -28,7 +28,7 @@ constexpr int kAround = 1;
 /// even places along all axes come first, and of these again the even ones of the even ones.
 /// Returns the size of the part that is summed everywhere.
 std::size_t spread(std::vector<UltrasoundBlock>& blocks) {
-  constexpr std::size_t kPart = 76;
+  constexpr std::size_t kPart = 300;
   const auto rank = [](const UltrasoundBlock& block) {
     constexpr int kBits = 10;
     std::uint32_t bits = 0;
@@ -68,25 +68,31 @@ BlockSums::BlockSums(const UltrasoundCells& cells, std::vector<UltrasoundBlock> 
       centre_us_mm_(centre_us_mm),
       // A translation lies up to half a cell from one of whole cells.
       reach_(static_cast<int>(std::ceil(translation_mm / cells.edge_mm() - 0.5))),
-      translations_(2 * reach_ + 1),
       stride_(summed == Everywhere::kAll ? Vector3i(1, 1, 1) : Vector3i(1, 2, 2)),
-      sums_((Vector3i::Constant(translations_ - 1).array() / stride_.array() + 1).matrix()) {
-  for (const UltrasoundBlock& block : blocks_) {
-    offsets_.push_back(offsets_of(block));
-    margin_low_ = margin_low_.cwiseMax(-offsets_.back().least);
-    margin_high_ = margin_high_.cwiseMax(offsets_.back().most);
-  }
+      sums_((Vector3i::Constant(2 * reach_).array() / stride_.array() + 1).matrix()) {
+  for (const UltrasoundBlock& block : blocks_)
+    offsets_.push_back(offsets_of(block, Vector3i::Ones()));
+  for (std::size_t block = 0; block < part_; ++block)
+    strided_offsets_.push_back(offsets_of(blocks_[block], stride_));
+  for (const std::vector<Offsets>* all : {&offsets_, &strided_offsets_})
+    for (const Offsets& offsets : *all) {
+      margin_low_ = margin_low_.cwiseMax(-offsets.least);
+      margin_high_ = margin_high_.cwiseMax(offsets.most);
+    }
   // The last block of an axis may begin in the last cell.
   margin_low_.array() += reach_ + kAround;
   margin_high_.array() += reach_ + kAround + kBlockEdge;
 }
 
-BlockSums::Offsets BlockSums::offsets_of(const UltrasoundBlock& block) const {
+BlockSums::Offsets BlockSums::offsets_of(const UltrasoundBlock& block,
+                                         const Vector3i& stride) const {
   Offsets offsets;
+  const Vector3d stride_mm = cells_.edge_mm() * stride.cast<double>();
   const Vector3d from_centre = block.middle_us_mm - centre_us_mm_;
   for (const Matrix3d& rotation : rotations_) {
     const Vector3d moved = rotation.transpose() * from_centre - from_centre;
-    offsets.of_rotations.push_back((moved / cells_.edge_mm()).array().round().cast<int>());
+    const Vector3i strides = moved.cwiseQuotient(stride_mm).array().round().cast<int>();
+    offsets.of_rotations.push_back(stride.cwiseProduct(strides));
   }
   offsets.least = offsets.most = offsets.of_rotations.front();
   for (const Vector3i& offset : offsets.of_rotations) {
@@ -112,13 +118,14 @@ LatticeCt BlockSums::lattice(const PackedCt& ct, const Isometry3d& T_us_ct) cons
 }
 
 BlockValues BlockSums::write_values(const LatticeCt& ct, std::size_t block, const Vector3i& first,
-                                    const Vector3i& count,
+                                    const Vector3i& count, int stride,
                                     std::vector<std::uint8_t>& values) const {
   const UltrasoundBlock& of = blocks_[block];
   const std::size_t row = whole_vectors(count.x());
   const std::size_t slice = row * static_cast<std::size_t>(count.y());
   values.resize(slice * static_cast<std::size_t>(count.z()) + kBlockLanes);
-  block_values_simd({ct, of.first + margin_low_ + first, count, of.ultrasound}, values.data());
+  block_values_simd({ct, of.first + margin_low_ + first, count, stride, of.ultrasound},
+                    values.data());
   return {values.data(), row, slice};
 }
 
@@ -128,19 +135,19 @@ void BlockSums::add(const LatticeCt& ct, std::size_t begin, std::size_t end, Bat
   std::array<BlockValues, kBlocksAdded> written;
   written.fill({zeros.data(), 0, 0});
   for (std::size_t block = begin; block < end; ++block) {
-    const Offsets& offsets = offsets_[block];
-    written[block - begin] = write_values(
-        ct, block, offsets.least - Vector3i::Constant(reach_),
-        offsets.most - offsets.least + Vector3i::Constant(translations_), values[block - begin]);
+    const Offsets& offsets = strided_offsets_[block];
+    const Vector3i width = offsets.most - offsets.least;
+    written[block - begin] =
+        write_values(ct, block, offsets.least - Vector3i::Constant(reach_),
+                     width.cwiseQuotient(stride_) + sums_, stride_.z(), values[block - begin]);
   }
   for (std::size_t r = 0; r < rotations_.size(); ++r) {
     BlockSum sum{written, sums_, &sums[r * sums_per_rotation()]};
     for (std::size_t block = begin; block < end; ++block) {
-      const Offsets& offsets = offsets_[block];
+      const Offsets& offsets = strided_offsets_[block];
       BlockValues& of_block = sum.blocks[block - begin];
-      of_block = of_block.from(offsets.of_rotations[r] - offsets.least);
-      of_block.row *= static_cast<std::size_t>(stride_.y());
-      of_block.slice *= static_cast<std::size_t>(stride_.z());
+      const Vector3i from_least = offsets.of_rotations[r] - offsets.least;
+      of_block = of_block.from(from_least.cwiseQuotient(stride_));
     }
     add_blocks_simd(sum);
   }
@@ -181,11 +188,12 @@ void BlockSums::add_optima(const int* sums, std::size_t rotation,
       }
 }
 
-void BlockSums::add_rest(const LatticeCt& ct, BlockPlace& place) const {
+void BlockSums::sum_all(const LatticeCt& ct, BlockPlace& place) const {
   std::vector<std::uint8_t> values;
-  for (std::size_t block = part_; block < blocks_.size(); ++block) {
+  place.explained = 0;
+  for (std::size_t block = 0; block < blocks_.size(); ++block) {
     write_values(ct, block, offsets_[block].of_rotations[place.rotation] + place.cells,
-                 Vector3i::Ones(), values);
+                 Vector3i::Ones(), 1, values);
     place.explained += values.front();
   }
 }
@@ -198,7 +206,7 @@ void BlockSums::climb(const LatticeCt& ct, BlockPlace& place) const {
   BlockValues written;
   for (std::size_t block = 0; block < blocks_.size(); ++block) {
     written = write_values(ct, block, offsets_[block].of_rotations[place.rotation] + first, edges,
-                           values);
+                           1, values);
     for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += values[i];
   }
   place.explained = 0;
@@ -219,7 +227,7 @@ std::vector<BlockPlace> BlockSums::best(const PackedCt& ct, const Isometry3d& T_
     add_optima(sums.data() + r * sums_per_rotation(), r, places);
   keep_best(places, kMostOptima);
   if (summed_ == Everywhere::kAll) return places;
-  for (BlockPlace& place : places) add_rest(lattice, place);
+  for (BlockPlace& place : places) sum_all(lattice, place);
   keep_best(places, kMostClimbed);
   for (BlockPlace& place : places) climb(lattice, place);
   keep_best(places, kMostClimbed);

@@ -24,7 +24,8 @@ struct BlockPlace {
 class BlockSums {
  public:
   /// Whether all blocks are summed everywhere, or a part that is spread over all of them at every
-  /// other cell along y and z, and all at and around the best optima of that.
+  /// other cell along y and z, where its blocks are moved by even numbers of cells, and all at and
+  /// around the best optima of that.
   enum class Everywhere { kAll, kPart };
 
   /// `blocks` are those of `cells`, which must outlive the object; at least one. The rotations turn
@@ -45,7 +46,8 @@ class BlockSums {
     Eigen::Vector3i least;
     Eigen::Vector3i most;
   };
-  Offsets offsets_of(const UltrasoundBlock& block) const;
+  /// Rounded to whole strides, of so many points.
+  Offsets offsets_of(const UltrasoundBlock& block, const Eigen::Vector3i& stride) const;
   LatticeCt lattice(const PackedCt& ct, const Eigen::Isometry3d& T_us_ct) const;
   /// Values of blocks that are added to sums together.
   using Batch = std::array<std::vector<std::uint8_t>, kBlocksAdded>;
@@ -53,16 +55,17 @@ class BlockSums {
   std::vector<int> sums_of_part(const LatticeCt& ct) const;
   void add(const LatticeCt& ct, std::size_t begin, std::size_t end, Batch& values,
            std::vector<std::uint16_t>& sums) const;
-  /// The values of a block at so many translations, the first of which leads so far from where it
-  /// lies in the ultrasound.
+  /// The values of a block at so many translations, so far apart along y and z, the first of which
+  /// leads so far from where it lies in the ultrasound.
   BlockValues write_values(const LatticeCt& ct, std::size_t block, const Eigen::Vector3i& first,
-                           const Eigen::Vector3i& count, std::vector<std::uint8_t>& values) const;
+                           const Eigen::Vector3i& count, int stride,
+                           std::vector<std::uint8_t>& values) const;
   std::size_t sums_per_rotation() const {
     return whole_vectors(sums_.x()) * static_cast<std::size_t>(sums_.y() * sums_.z());
   }
   void add_optima(const int* sums, std::size_t rotation, std::vector<BlockPlace>& optima) const;
-  /// Adds the blocks that are not of the part.
-  void add_rest(const LatticeCt& ct, BlockPlace& place) const;
+  /// Sums all blocks at a place.
+  void sum_all(const LatticeCt& ct, BlockPlace& place) const;
   /// Sums all blocks at a place and around it, and moves it to the highest sum.
   void climb(const LatticeCt& ct, BlockPlace& place) const;
 
@@ -73,10 +76,10 @@ class BlockSums {
   std::vector<Eigen::Matrix3d> rotations_;
   Eigen::Vector3d centre_us_mm_;
   int reach_;                     // translations by so many cells along each axis, either way
-  int translations_;              // in all along each axis
   Eigen::Vector3i stride_;        // from one translation that is summed everywhere to the next
   Eigen::Vector3i sums_;          // numbers of these
-  std::vector<Offsets> offsets_;  // of each block
+  std::vector<Offsets> offsets_;  // of each block, by whole points
+  std::vector<Offsets> strided_offsets_;  // of each block of the part, by whole strides
   Eigen::Vector3i margin_low_ = Eigen::Vector3i::Zero();
   Eigen::Vector3i margin_high_ = Eigen::Vector3i::Zero();
 };

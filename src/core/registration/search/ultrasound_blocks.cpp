@@ -65,13 +65,13 @@ std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& 
   if (!(most > 1e-3F * std::abs(mean)) || !(most > 0.0F)) return std::nullopt;
   // Sums are rounded in place of cells, so that the sum of all is 0, and each is off by less
   // than 1.
-  constexpr float kMost = std::numeric_limits<std::int8_t>::max();
+  constexpr float kMost = kMostOfCell - 0.5F;
   float sum = 0.0F;
   int written = 0;
   int squares = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
     sum += kMost / most * deviation(i);
-    const int cell = static_cast<int>(std::lround(sum)) - written;
+    const int cell = static_cast<int>(std::floor(sum + 0.5F)) - written;
     written += cell;
     squares += cell * cell;
     block.cells[i] = static_cast<std::int8_t>(cell);
