@@ -47,8 +47,13 @@ struct Slopes {
   VF value_m, value_g, function_m, function_g;
 };
 
-HWY_INLINE VF of_knots(const JointConstants& k, VI at, int shift) {
-  return hn::GatherIndex(df, k.function + shift, at);
+/// The function at knots of a row, and at the next ones of the row.
+HWY_INLINE void of_knots(const float* row, VI knots, VF& these, VF& next) {
+  VU first, second;
+  load_neighbours(reinterpret_cast<const std::uint32_t*>(row), hn::ShiftLeft<2>(knots), first,
+                  second);
+  these = hn::BitCast(df, first);
+  next = hn::BitCast(df, second);
 }
 
 HWY_INLINE Slopes slopes_at(const JointConstants& k, VF m, VF g, VF u) {
@@ -61,8 +66,9 @@ HWY_INLINE Slopes slopes_at(const JointConstants& k, VF m, VF g, VF u) {
   const VF along_row = hn::Sub(row, r);
   const VF along_column = hn::Sub(column, c);
   const VI at = whole(hn::MulAdd(r, hn::Set(df, static_cast<float>(k.columns)), c));
-  const VF f00 = of_knots(k, at, 0), f01 = of_knots(k, at, 1);
-  const VF f10 = of_knots(k, at, k.columns), f11 = of_knots(k, at, k.columns + 1);
+  VF f00, f01, f10, f11;
+  of_knots(k.function, at, f00, f01);
+  of_knots(k.function + k.columns, at, f10, f11);
   const VF by_m = hn::Set(df, k.rows_per_byte);
   const VF by_g = hn::Mul(hn::Mul(inverse, inverse), hn::Set(df, k.column_gaps * k.scale));
   const VF twice = hn::Add(u, u);

@@ -9,6 +9,7 @@
 #include <array>
 
 #include "similarity/byte_products-inl.h"
+#include "similarity/word_pairs-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
@@ -65,10 +66,10 @@ HWY_INLINE void sample(const LatticeRow& row, VValue number, std::uint32_t* valu
   }
   const VSum first = hn::Add(cell[0], hn::Add(hn::Mul(cell[1], hn::Set(dsum, row.stride_j)),
                                               hn::Mul(cell[2], hn::Set(dsum, row.stride_k))));
-  const std::uint32_t* high = row.words + row.stride_k;
-  const CornerWords words{
-      hn::GatherIndex(dword, row.words, first), hn::GatherIndex(dword, row.words + 1, first),
-      hn::GatherIndex(dword, high, first), hn::GatherIndex(dword, high + 1, first)};
+  const VSum bytes = hn::ShiftLeft<2>(first);
+  CornerWords words;
+  load_neighbours(row.words, bytes, words.w00, words.w10);
+  load_neighbours(row.words + row.stride_k, bytes, words.w01, words.w11);
   const VValue ct =
       between(on_edge<0>(words, at[0], at[2]), on_edge<1>(words, at[0], at[2]), at[1]);
   const VValue change =

@@ -24,11 +24,6 @@ void sum_derivatives(const UltrasoundPatches& us, std::size_t block, const Block
 }
 #else
 
-const hn::Repartition<std::uint64_t, decltype(df)> dq;
-const hn::RebindToSigned<decltype(dq)> dqi;
-const hn::Half<decltype(di)> di_half;
-using VQ = hn::Vec<decltype(dq)>;
-
 /// Words of PackedCt::gradient() at the corners of cells: at i and i + 1, for k (low) and k + 1.
 struct WordCells {
   MF inside;  // not set if all are known to lie inside
@@ -36,23 +31,14 @@ struct WordCells {
   VF ti, tj, tk;
 };
 
-/// Loads two neighbouring words per lane, at offsets in bytes.
-HWY_INLINE void words_at(const std::uint32_t* words, VI offsets, VU& first, VU& second) {
-  const auto* base = reinterpret_cast<const std::uint64_t*>(words);
-  const VQ lower = hn::GatherOffset(dq, base, hn::PromoteTo(dqi, hn::LowerHalf(di_half, offsets)));
-  const VQ upper = hn::GatherOffset(dq, base, hn::PromoteTo(dqi, hn::UpperHalf(di_half, offsets)));
-  first = hn::ConcatEven(du, hn::BitCast(du, upper), hn::BitCast(du, lower));
-  second = hn::ConcatOdd(du, hn::BitCast(du, upper), hn::BitCast(du, lower));
-}
-
 template <Where kWhere>
 HWY_INLINE WordCells fetch_words(const UltrasoundPatches& us, const Constants& k,
                                  const std::uint32_t* words, std::size_t s) {
   const Location at = locate<kWhere>(us, k, s);
   WordCells cells{at.inside, {}, {}, {}, {}, at.ti, at.tj, at.tk};
   const VI offsets = hn::ShiftLeft<1>(at.bytes);  // words are twice as long as pairs
-  words_at(words, offsets, cells.low0, cells.low1);
-  words_at(words + k.stride_k, offsets, cells.high0, cells.high1);
+  load_neighbours(words, offsets, cells.low0, cells.low1);
+  load_neighbours(words + k.stride_k, offsets, cells.high0, cells.high1);
   return cells;
 }
 

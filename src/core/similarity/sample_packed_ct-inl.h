@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "similarity/patch_kernel.h"
+#include "similarity/word_pairs-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace usct::HWY_NAMESPACE {
@@ -126,11 +127,6 @@ struct Cells {
   VF ti, tj, tk;
 };
 
-/// Loads two neighbouring pairs per lane, at offsets in bytes.
-HWY_INLINE VU pairs_at(const std::uint16_t* pairs, VI offsets) {
-  return hn::GatherOffset(du, reinterpret_cast<const std::uint32_t*>(pairs), offsets);
-}
-
 /// Location of a row of samples: anywhere; entirely within the CT; or anywhere, and moved by
 /// AcquisitionErrors.
 enum class Where { kAnywhere, kInside, kMoved };
@@ -174,12 +170,9 @@ HWY_INLINE Location locate(const UltrasoundPatches& us, const Constants& k, std:
 template <Where kWhere>
 HWY_INLINE Cells fetch(const UltrasoundPatches& us, const Constants& k, std::size_t s) {
   const Location at = locate<kWhere>(us, k, s);
-  return {at.inside,
-          pairs_at(k.pairs, at.bytes),
-          pairs_at(k.pairs + k.stride_k, at.bytes),
-          at.ti,
-          at.tj,
-          at.tk};
+  Cells cells{at.inside, {}, {}, at.ti, at.tj, at.tk};
+  load_from_both(k.pairs, k.pairs + k.stride_k, at.bytes, cells.low, cells.high);
+  return cells;
 }
 
 /// CT value, and gradient per voxel.
