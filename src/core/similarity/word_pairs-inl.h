@@ -30,9 +30,9 @@ HWY_INLINE void load_pairs(VI offsets, const PairAt& pair_at, VU& first, VU& sec
   const auto two_lanes = [&](int a, int b) HWY_ATTR {
     return _mm_unpacklo_epi64(pair_at(at[a]), pair_at(at[b]));
   };
+  // Shuffles work within the halves of a vector, so that lanes come from both.
   const auto four_lanes = [&](int a, int b) HWY_ATTR {
-    return _mm256_castsi256_ps(
-        _mm256_set_m128i(two_lanes(a + 4, b + 4), two_lanes(a, b)));  // in both halves
+    return _mm256_castsi256_ps(_mm256_set_m128i(two_lanes(a + 4, b + 4), two_lanes(a, b)));
   };
   const __m256 even = four_lanes(0, 1);
   const __m256 odd = four_lanes(2, 3);
