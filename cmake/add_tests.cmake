@@ -117,6 +117,7 @@ add_test(NAME package_check_sizes COMMAND ${Python3_EXECUTABLE} ${package_tests}
 add_test(NAME package_study_report COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_study_report.py)
 add_test(NAME package_study_cases COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_study_cases.py)
 add_test(NAME package_overlay_error COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_overlay_error.py)
+add_test(NAME package_summarise_tests COMMAND ${Python3_EXECUTABLE} ${package_tests}/test_summarise_tests.py)
 add_test(NAME peer_geometry COMMAND ${PROJECT_SOURCE_DIR}/bench/peer/test_geometry.py)
 add_test(NAME confidence_self_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_self_cases.py)
 add_test(NAME confidence_altered_cases COMMAND ${PROJECT_SOURCE_DIR}/bench/confidence/test_altered_cases.py)

@@ -43,6 +43,12 @@ Eigen::Matrix<double, 3, 6> rigid_effect(const Vector3d& offset_mm) {
   return effect;
 }
 
+/// The least of the solutions. Its matrices have sizes that the compiler does not know: a
+/// decomposition for each fixed size took most of a minute to compile.
+Eigen::VectorXd least_solution(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right) {
+  return normal.completeOrthogonalDecomposition().solve(right);
+}
+
 /// The parameters that explain most of the motions, where `effect` maps them to that of a place.
 /// Few wishes do not determine all parameters; those of least size are then taken.
 template <int kParameters, class Effect>
@@ -57,7 +63,7 @@ Eigen::Matrix<double, kParameters, 1> explained(const std::vector<Wish>& wishes,
     normal += wish.weight * of_place.transpose() * of_place;
     right += wish.weight * of_place.transpose() * wish.motion_mm;
   }
-  return normal.completeOrthogonalDecomposition().solve(right);
+  return least_solution(normal, right);
 }
 
 /// The stretch across the frames that explains most of the motions, beside a rotation and a
@@ -90,7 +96,7 @@ std::optional<Vector3d> middle_mm(const std::vector<Wish>& wishes) {
 }  // namespace
 
 PeakFinder::PeakFinder(std::vector<Vector3d> moves_mm) : moves_mm_(std::move(moves_mm)) {
-  Eigen::Matrix<double, Eigen::Dynamic, 10> terms(moves_mm_.size(), 10);
+  Eigen::MatrixXd terms(moves_mm_.size(), Quadratic::RowsAtCompileTime);
   reach_mm_ = 0.0;
   for (std::size_t i = 0; i < moves_mm_.size(); ++i) {
     terms.row(static_cast<Eigen::Index>(i)) = terms_at(moves_mm_[i]);
