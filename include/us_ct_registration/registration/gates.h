@@ -69,6 +69,8 @@ struct Measures {
   /// square, mm: the translations that clusters there wish together with their neighbours, by whole
   /// steps.
   std::optional<double> tissue_motion_mm;
+  /// The same of wider groups of clusters, over which noise averages out, mm.
+  std::optional<double> wide_motion_mm;
   /// The same between these translations, without what a wrong step of the motor or a wrong path of
   /// the tracker explains, mm: a part of the expected error.
   std::optional<double> deformation_mm;
@@ -128,7 +130,7 @@ struct RightProbability {
 
 /// Logistic functions of the measures, calibrated on equally many right and wrong poses
 /// (docs/confidence.md). Unset if a measure is absent or not a number. The expected error,
-/// mirror_agreement and ridge_parts_mm may be absent: they then say nothing.
+/// mirror_agreement, ridge_parts_mm and wide_motion_mm may be absent: they then say nothing.
 std::optional<RightProbability> right_probability(const Measures& measures);
 
 /// Measures::wrong_probability by all evidence; unset as above.

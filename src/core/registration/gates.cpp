@@ -56,6 +56,7 @@ const std::vector<MeasureField>& measure_fields() {
       {"mirror_agreement", &Measures::mirror_agreement},
       {"local_advantage", &Measures::local_advantage},
       {"tissue_motion_mm", &Measures::tissue_motion_mm},
+      {"wide_motion_mm", &Measures::wide_motion_mm},
       {"deformation_mm", &Measures::deformation_mm},
       {"wrong_probability", &Measures::wrong_probability},
       {"expected_error_mm", &Measures::expected_error_mm},

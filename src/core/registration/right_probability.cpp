@@ -46,6 +46,10 @@ constexpr double kPerTooLittleShare = 20.0;
 /// kidney has reached 8.3.
 constexpr double kSureAdvantage = 8.0;
 
+/// Many blocks that are sure together may be moved by noise, which wider groups of them are not.
+/// These see less of a motion of tissue, too: so much is added to what they see, by reason.
+constexpr double kUnseenMm = 0.4;
+
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
 constexpr double kMostChanceOdds = 4.0;
 constexpr double kMostAnatomyOdds = 3.0;
@@ -92,6 +96,12 @@ double log_odds_by_agreement(const Measures& m, const MirrorComparison& mirrors)
   return std::min(together, kPerTooLittleAgreement * (agreement - kLeastAgreement));
 }
 
+/// The motion of tissue without what noise adds to it in small groups of blocks.
+double motion_without_noise_mm(const Measures& m) {
+  if (!m.wide_motion_mm) return *m.tissue_motion_mm;
+  return std::min(*m.tissue_motion_mm, *m.wide_motion_mm + kUnseenMm);
+}
+
 /// The same once they were asked: the higher of two. Few blocks may agree much more than those of
 /// mirror images, and need not move. Where noise, a low contrast or tissue that has moved leave
 /// little agreement, many blocks may still be sure together, and mirror images have next to none.
@@ -99,7 +109,7 @@ double log_odds_by_mirror_agreement(const Measures& m, const MirrorComparison& m
   const double by_agreement = 1.8 + 3.5 * *m.local_agreement - 3.3 * *m.tissue_motion_mm +
                               0.2 * mirrors.advantage + 32.0 * *mirrors.agreement;
   const double by_many_blocks = -2.9 + 0.88 * std::clamp(*m.local_advantage, -3.0, kSureAdvantage) -
-                                2.5 * *m.tissue_motion_mm + 6.0 * mirrors.share -
+                                2.5 * motion_without_noise_mm(m) + 6.0 * mirrors.share -
                                 kPerTooLittleShare * std::max(0.0, kLeastShare - mirrors.share);
   return std::max(by_agreement, by_many_blocks);
 }
@@ -137,7 +147,7 @@ std::optional<RightProbability> right_probability(const Measures& m) {
         m.parts_mm, m.local_agreement, m.local_advantage, m.tissue_motion_mm})
     if (!value || std::isnan(*value)) return std::nullopt;
   for (const std::optional<double>& value :
-       {m.expected_error_mm, m.mirror_agreement, m.ridge_parts_mm})
+       {m.expected_error_mm, m.mirror_agreement, m.ridge_parts_mm, m.wide_motion_mm})
     if (value && std::isnan(*value)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   const MirrorComparison mirrors = mirror_comparison(m);

@@ -59,6 +59,7 @@ TEST(LocalAgreement, TissueThatMovesWithItsNeighboursAgreesByHalf) {
   const LocalAgreement moved = agreement_of(Wishes(std::vector<Vector3d>(6, kCornerMm))).value();
   EXPECT_NEAR(moved.share, 0.5 * (share_off_a_corner() + 1.0) - by_chance(6), 1e-9);
   EXPECT_NEAR(moved.tissue_motion_mm, kCornerMm.norm(), 1e-9);
+  EXPECT_NEAR(moved.wide_motion_mm, kCornerMm.norm(), 1e-9);
   EXPECT_NEAR(moved.deformation_mm, kCornerMm.norm(), 0.2 * kCornerMm.norm());
   EXPECT_LT((moved.wished_motion.translation() - kCornerMm).norm(), 0.2 * kCornerMm.norm());
   EXPECT_LT(Eigen::AngleAxisd(moved.wished_motion.linear()).angle(), 1e-9);
@@ -85,6 +86,23 @@ TEST(LocalAgreement, OneClusterAmongOthersIsNoMotionOfTissue) {
   EXPECT_EQ(found.tissue_motion_mm, 0.0);
   EXPECT_LT(found.deformation_mm, 0.2 * kCornerMm.norm());
   EXPECT_GT(found.share + by_chance(5), 0.7);
+}
+
+/// Two clusters outvote the one between them. The five around it are not moved: those near the
+/// middle of a group count more often.
+TEST(LocalAgreement, WhatMovesSmallGroupsAveragesOutOverWideOnes) {
+  std::vector<Vector3d> wished(9, Vector3d::Zero());
+  wished[3] = wished[5] = kCornerMm;
+  const LocalAgreement found = agreement_of(Wishes(wished)).value();
+  EXPECT_GT(found.tissue_motion_mm, 1.0);
+  EXPECT_EQ(found.wide_motion_mm, 0.0);
+}
+
+/// The fourth cluster is strong and far from the centre. It is no neighbour of the two near it.
+TEST(LocalAgreement, WideGroupsEndWhereTheTissueDoes) {
+  const Wishes wishes({{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, kCornerMm}, {1.0, 1.0, 0.1, 50.0});
+  EXPECT_EQ(agreement_of(wishes, Isometry3d::Identity(), 15.0).value().wide_motion_mm, 0.0);
+  EXPECT_GT(agreement_of(wishes).value().wide_motion_mm, 3.0);
 }
 
 TEST(LocalAgreement, TissueFarFromTheCentreDoesNotCount) {

@@ -12,10 +12,15 @@ constexpr double kClusterMm = 10.0;
 constexpr double kStepMm = 4.0;
 
 /// A part in each of some clusters of 10 mm, and the place at which it would rather lie: its
-/// contribution falls with the distance from there.
+/// contribution falls with the distance from there. All are equally strong if no strengths are
+/// given.
 class Wishes final : public Similarity {
  public:
-  explicit Wishes(std::vector<Eigen::Vector3d> wished_mm) : wished_mm_(std::move(wished_mm)) {}
+  explicit Wishes(std::vector<Eigen::Vector3d> wished_mm) : wished_mm_(std::move(wished_mm)) {
+    strengths_.assign(wished_mm_.size(), 1.0);
+  }
+  Wishes(std::vector<Eigen::Vector3d> wished_mm, std::vector<double> strengths)
+      : wished_mm_(std::move(wished_mm)), strengths_(std::move(strengths)) {}
 
   using Similarity::evaluate;
   void evaluate(const SimilarityPose* /*poses*/, std::size_t /*count*/, SimilarityValue* /*values*/,
@@ -23,8 +28,8 @@ class Wishes final : public Similarity {
   std::vector<double> parts(const SimilarityPose& pose) const override {
     const Eigen::Vector3d moved_mm = pose.T_ct_us.inverse().translation();
     std::vector<double> result;
-    for (const Eigen::Vector3d& wished : wished_mm_)
-      result.push_back(scale_ * std::exp(-(moved_mm - wished).norm() / kStepMm));
+    for (std::size_t i = 0; i < wished_mm_.size(); ++i)
+      result.push_back(strengths_[i] * std::exp(-(moved_mm - wished_mm_[i]).norm() / kStepMm));
     return result;
   }
   std::vector<Eigen::Vector3d> part_centres_us_mm() const override {
@@ -35,13 +40,13 @@ class Wishes final : public Similarity {
   }
   Wishes times(double scale) const {
     Wishes result = *this;
-    result.scale_ = scale;
+    for (double& strength : result.strengths_) strength *= scale;
     return result;
   }
 
  private:
   std::vector<Eigen::Vector3d> wished_mm_;
-  double scale_ = 1.0;
+  std::vector<double> strengths_;
 };
 
 /// The share that chance makes up among so many clusters.

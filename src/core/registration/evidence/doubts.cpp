@@ -51,7 +51,8 @@ bool may_be_in_mirrored_ct(const Measures& measures, bool lacks_a_side, double l
 
 Measures if_parts_agree(const Measures& measures) {
   Measures best = measures;
-  best.parts_mm = best.ridge_parts_mm = best.tissue_motion_mm = 0.0;
+  best.parts_mm = best.ridge_parts_mm = 0.0;
+  best.tissue_motion_mm = best.wide_motion_mm = 0.0;
   best.local_agreement = 1.0;
   best.local_advantage = std::numeric_limits<double>::infinity();
   best.wrong_probability = wrong_probability(best);

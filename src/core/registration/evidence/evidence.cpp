@@ -191,6 +191,7 @@ void Evidence::compare_clusters(const Candidate& pose, Assessment& assessment, R
   measures.local_agreement = found->share;
   measures.local_advantage = found->advantage;
   measures.tissue_motion_mm = found->tissue_motion_mm;
+  measures.wide_motion_mm = found->wide_motion_mm;
   measures.deformation_mm = found->deformation_mm;
   assessment.wished_motion = found->wished_motion;
 }

@@ -79,13 +79,35 @@ Rows sums_of(Rows own, const Rows& of_neighbours) {
   return own;
 }
 
-double tissue_motion_mm(const Rows& together, const Clusters& clusters,
-                        const std::vector<Vector3d>& moves_mm, const TissueRegion& region) {
+/// Whether the middle of each cluster's cube is in the region.
+std::vector<bool> are_in(const TissueRegion& region, const Clusters& clusters) {
+  std::vector<bool> inside;
+  for (const Vector3d& middle_us_mm : clusters.middles_us_mm())
+    inside.push_back((middle_us_mm - region.centre_us_mm).norm() <= region.radius_mm);
+  return inside;
+}
+
+/// The sums of wider groups of clusters, all of them inside: of what those and their neighbours
+/// reach together, and of the same at their neighbours.
+Rows sums_of_wide_groups(Rows together, const Clusters& clusters, const std::vector<bool>& inside) {
+  for (std::vector<double>& row : together) {
+    for (std::size_t c = 0; c < row.size(); ++c)
+      if (!inside[c]) row[c] = 0.0;
+    const std::vector<double> of_neighbours = clusters.sums_of_neighbours(row);
+    for (std::size_t c = 0; c < row.size(); ++c) row[c] += of_neighbours[c];
+  }
+  return together;
+}
+
+/// Root mean square length of the translations that groups like best whose middle clusters are
+/// inside. A group's sums are those at its middle cluster.
+double motion_mm(const Rows& of_groups, const std::vector<Vector3d>& moves_mm,
+                 const std::vector<bool>& inside) {
   double squares = 0.0;
   double weights = 0.0;
-  for (std::size_t c = 0; c < clusters.count(); ++c) {
-    if ((clusters.middles_us_mm()[c] - region.centre_us_mm).norm() > region.radius_mm) continue;
-    const Best best = best_of(together, c);
+  for (std::size_t c = 0; c < inside.size(); ++c) {
+    if (!inside[c]) continue;
+    const Best best = best_of(of_groups, c);
     squares += best.rise * moves_mm[best.translation].squaredNorm();
     weights += best.rise;
   }
@@ -127,10 +149,15 @@ std::optional<LocalAgreement> local_agreement(const Similarity& similarity, cons
   if (!share) return std::nullopt;
   const double advantage = advantage_of_shared(own);
   const Rows together = sums_of(std::move(own), of_neighbours);
+  const std::vector<bool> inside = are_in(options.tissue, clusters);
+  const Rows wide = sums_of_wide_groups(together, clusters, inside);
   const std::vector<Wish> wishes = wishes_of(together, clusters, moves_mm);
-  return LocalAgreement{*share, advantage,
-                        tissue_motion_mm(together, clusters, moves_mm, options.tissue),
-                        deformation_mm(wishes, options.tissue), rigid_motion(wishes)};
+  return LocalAgreement{*share,
+                        advantage,
+                        motion_mm(together, moves_mm, inside),
+                        motion_mm(wide, moves_mm, inside),
+                        deformation_mm(wishes, options.tissue),
+                        rigid_motion(wishes)};
 }
 
 }  // namespace usct::registration

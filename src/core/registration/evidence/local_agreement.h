@@ -44,6 +44,11 @@ struct LocalAgreement {
   /// neighbours together like best, by the rise that depends on it. It is 0 if nothing there makes
   /// a difference. Wrong poses have much of it.
   double tissue_motion_mm = 0.0;
+  /// The same of wider groups: what a cluster and its neighbours reach together, added up over it
+  /// and its neighbours once more, as far as they are near the centre. Where noise or a low
+  /// contrast let small groups wish anything, it averages out over these. A motion that differs
+  /// within such a group does, too.
+  double wide_motion_mm = 0.0;
   /// `deformation_mm` of the peaks between these translations: about how far tissue there has moved
   /// relative to the pose.
   double deformation_mm = 0.0;
