@@ -189,6 +189,14 @@ TEST(RightProbability, NoiseOfSmallGroupsOfBlocksIsNoMotionOfTissue) {
   EXPECT_LT(right_probability(noisy)->all(), 0.5);
   noisy.wide_motion_mm = 1.0;
   EXPECT_GT(right_probability(noisy)->all(), 0.7);
+  // In a small field wide groups of few blocks lie still in the kidney of another patient.
+  Measures another = noisy;
+  another.local_agreement = 0.22;
+  another.mirror_agreement = 0.05;
+  another.local_advantage = 4.72;
+  another.tissue_motion_mm = 3.17;
+  another.wide_motion_mm = 0.92;
+  EXPECT_LT(right_probability(another)->all(), 0.5);
 }
 
 /// Another optimum of the right CT, 10 mm off: halves of the field agree about it by one of their
