@@ -51,7 +51,7 @@ constexpr double kSureAdvantage = 8.0;
 constexpr double kUnseenMm = 0.4;
 /// Wider groups begin to count where blocks gain so many standard errors together, and count in
 /// full at one more: in small fields they lie still in kidneys of other patients, whose blocks have
-/// gained 3.5 to 5.6.
+/// gained 3.2 to 5.6.
 constexpr double kSureTogether = 5.0;
 
 /// No evidence of one kind is so strong that it makes up for any weakness of the other.
