@@ -91,6 +91,14 @@ double mirrors_log_odds(const MirrorComparison& mirrors) {
   return std::max(by_fit, -3.0 + 0.9 * mirrors.advantage + 40.0 * *mirrors.agreement);
 }
 
+/// The motion of tissue without what noise adds to it in small groups of blocks.
+double motion_without_noise_mm(const Measures& m) {
+  const double small_mm = *m.tissue_motion_mm;
+  if (!m.wide_motion_mm) return small_mm;
+  const double sure = std::clamp(*m.local_advantage - kSureTogether, 0.0, 1.0);
+  return small_mm + sure * (std::min(small_mm, *m.wide_motion_mm + kUnseenMm) - small_mm);
+}
+
 /// The log odds that the CT shows this anatomy, by how far blocks agree, before mirror images were
 /// asked.
 double log_odds_by_agreement(const Measures& m, const MirrorComparison& mirrors) {
@@ -98,14 +106,6 @@ double log_odds_by_agreement(const Measures& m, const MirrorComparison& mirrors)
   const double together = -11.3 + 30.0 * agreement - 2.75 * *m.tissue_motion_mm +
                           4.6 * mirrors.log_ratio + 1.8 * mirrors.advantage;
   return std::min(together, kPerTooLittleAgreement * (agreement - kLeastAgreement));
-}
-
-/// The motion of tissue without what noise adds to it in small groups of blocks.
-double motion_without_noise_mm(const Measures& m) {
-  const double small_mm = *m.tissue_motion_mm;
-  if (!m.wide_motion_mm) return small_mm;
-  const double sure = std::clamp(*m.local_advantage - kSureTogether, 0.0, 1.0);
-  return small_mm + sure * (std::min(small_mm, *m.wide_motion_mm + kUnseenMm) - small_mm);
 }
 
 /// The same once they were asked: the higher of two. Few blocks may agree much more than those of
