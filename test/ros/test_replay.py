@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The whole system from outside: a bag of files, replayed on simulated time through all nodes, registered by an empty
 call, the CT looked up in tf by another process; through restarts of every node and of the master."""
+import atexit
 import functools
 import gzip
 import json
@@ -91,19 +92,27 @@ class Recording:
         return bag
 
 
+@functools.lru_cache(maxsize=None)
+def case_of(*phantom):
+    """The folder of a phantom, which is made once in a process: all tests that ask for it share it."""
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="usct_phantom_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    run([usct(), "phantom", "--output", str(folder / "case"), "--quiet", *phantom], None)
+    return folder / "case"
+
+
 class Acquisition(Recording):
     """A phantom, and a start that is off by shift_mm along each axis."""
 
     def __init__(self, folder, phantom=AGAR, shift_mm=5.0, ct=None):
-        self.case = folder / "case"
-        run([usct(), "phantom", "--output", str(self.case), "--quiet", *map(str, phantom)], None)
+        self.case = case_of(*map(str, phantom))
         super().__init__(folder, ct or self.case / "ct.nrrd", "--us", self.case / "us.nrrd", "--truth",
                          self.case / "truth.tfm")
         numbers = (self.case / "truth.tfm").read_text()
         start = re.sub(r"^Parameters: (.*)$", lambda line: "Parameters: " + shifted(line.group(1), shift_mm), numbers,
                        flags=re.M)
-        (self.case / "start.tfm").write_text(start)
-        self.initial = initial_of(self.case / "start.tfm")
+        (folder / "start.tfm").write_text(start)
+        self.initial = initial_of(folder / "start.tfm")
 
 
 class LivePhantom(Acquisition):
@@ -115,7 +124,8 @@ class LivePhantom(Acquisition):
         self.sweep = live_video.Sweep(self.case / "us.nrrd")
         self.probe = live_video.PicturedProbe(self.sweep, folder / "probe.yaml")
         self.pictures = [self.probe.picture(frame) for frame in self.sweep.samples]
-        self.truth = numpy.array(json.loads(initial_of(self.case / "truth.tfm").read_text())["T_us_ct"])
+        truth = json.loads(run([usct(), "info", "--json", str(self.case / "truth.tfm")], None))
+        self.truth = numpy.array(truth["T_us_ct"])
 
     def described(self):
         return live_video.describe(self.folder / "images.yaml", self.probe, self.pictures[0], image_lag=LAG_S)
