@@ -124,8 +124,7 @@ class LivePhantom(Acquisition):
         self.sweep = live_video.Sweep(self.case / "us.nrrd")
         self.probe = live_video.PicturedProbe(self.sweep, folder / "probe.yaml")
         self.pictures = [self.probe.picture(frame) for frame in self.sweep.samples]
-        truth = json.loads(run([usct(), "info", "--json", str(self.case / "truth.tfm")], None))
-        self.truth = numpy.array(truth["T_us_ct"])
+        self.truth = numpy.array(json.loads(description_of(self.case / "truth.tfm"))["T_us_ct"])
 
     def described(self):
         return live_video.describe(self.folder / "images.yaml", self.probe, self.pictures[0], image_lag=LAG_S)
@@ -138,10 +137,15 @@ class LivePhantom(Acquisition):
         return bag
 
 
+def description_of(transform):
+    """What `usct info` says of an ITK transform, as JSON."""
+    return run([usct(), "info", "--json", str(transform)], None)
+
+
 def initial_of(transform):
     """An ITK transform in the format of demo_client.py."""
     initial = transform.with_suffix(".json")
-    initial.write_text(run([usct(), "info", "--json", str(transform)], None))
+    initial.write_text(description_of(transform))
     return initial
 
 
