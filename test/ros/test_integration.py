@@ -88,11 +88,19 @@ class TestIntegration(unittest.TestCase):
             print(self.system.log())
         shutil.rmtree(self.folder)
 
+    def crtk(self):
+        """The parameters of crtk_bridge with one target more, the first by name, of a structure that is not there."""
+        parameters = yaml.safe_load((PROJECT / "config/nodes/crtk_bridge.yaml").read_text())
+        parameters["targets"]["calyx"] = {"surface": "calyx"}
+        file = self.folder / "crtk_bridge.yaml"
+        file.write_text(yaml.safe_dump(parameters))
+        return file
+
     def start(self):
         self.system.start_master()
         self.system.start("nodes", "roslaunch", PACKAGE, "integration.launch", "policy:=auto", "score:=true",
                           "simulated_time:=true", f"robot_description:={self.case.robot_folder / 'robot.urdf'}",
-                          f"images:={self.case.robot_folder / 'images.yaml'}", f"ct:={self.case.ct}",
+                          f"images:={self.case.robot_folder / 'images.yaml'}", f"crtk:={self.crtk()}", f"ct:={self.case.ct}",
                           *self.case.launch_arguments())
         self.system.client("ready")
 
@@ -132,7 +140,8 @@ class TestIntegration(unittest.TestCase):
         self.assertLess(measures["outline_mm"], 2.0)
 
     def targets_and_diagnostics_are_right(self):
-        found = self.recorded(self.bag, "/targets/tumour/measured_cp", "/diagnostics", "/overlay/status")
+        found = self.recorded(self.bag, "/targets/tumour/measured_cp", "/targets/calyx/measured_cp", "/diagnostics",
+                              "/overlay/status")
         self.assertTrue(found["/targets/tumour/measured_cp"])
         T_arm_base = numpy.linalg.inv(Robot(self.case.robot_folder / "robot.urdf").pose("robot_base", "PSM1_base"))
         truth_m = moved(T_arm_base, moved(self.case.T_base_ct(), tumour_points(self.case.case)) / MM_PER_M).mean(axis=0)
@@ -146,6 +155,9 @@ class TestIntegration(unittest.TestCase):
         self.assertEqual(drawn, {"endoscope_left_optical", "endoscope_right_optical"})
         arms = {s.name.split(": ")[1]: s for m in found["/diagnostics"] for s in m.status if "crtk_bridge" in s.name}
         self.assertEqual(set(arms), {"ECM", "PSM1", "targets"})
+        # A target that is not there is named, and leaves the others alone.
+        self.assertFalse(found["/targets/calyx/measured_cp"])
+        self.assertIn("'surface' is 'calyx', which ct/surface does not have", arms["targets"].message)
         for arm in ARMS:
             self.assertEqual(level_of(arms[arm]), OK, arms[arm].message)
             values = {v.key: v.value for v in arms[arm].values}
@@ -153,7 +165,8 @@ class TestIntegration(unittest.TestCase):
 
     def video_with_wrong_kinematics(self):
         """The bag's video, later. The endoscope's insertion has another name at first, and then measured_cp is that of an
-        endoscope that is 5 mm longer than the model's. Another arm has poses alone, as robots before CRTK 1.2 send them."""
+        endoscope that is 5 mm longer than the model's. Another arm has poses alone, as robots before CRTK 1.2 send them, and a third one
+        sends what is no pose."""
         later, file = rospy.Duration(100.0), self.folder / "wrong.bag"
         with rosbag.Bag(str(self.bag)) as read, rosbag.Bag(str(file), "w") as wrong:
             video = next(t for _, _, t in read.read_messages("/endoscope/left/camera_info"))
@@ -165,11 +178,14 @@ class TestIntegration(unittest.TestCase):
                     message.pose.position.z += 0.005
                 elif topic == "/PSM1/measured_cp":
                     wrong.write("/PSM2/measured_cp", as_transform(message, "PSM2_base"), t + later)
+                    wrong.write("/PSM3/measured_cp", message.header, t + later)
                 wrong.write(topic, message, t + later)
         return file
 
     def wrong_kinematics_are_reported_and_nothing_is_drawn(self):
-        run(["rosparam", "set", "/poses/arms", "{PSM2: {base: PSM2_base, tip: PSM2_tool_tip}}"], self.system.environment)
+        run(["rosparam", "set", "/poses/arms",
+             "{PSM2: {base: PSM2_base, tip: PSM2_tool_tip}, PSM3: {base: PSM3_base, tip: PSM3_tool_tip}}"],
+            self.system.environment)
         self.system.start("bridge", *roslib.packages.find_node(PACKAGE, "crtk_bridge"), "__name:=poses")
         found = self.recorded(self.video_with_wrong_kinematics(), "/overlay/status", "/overlay_error/status",
                               "/diagnostics", "/tf")
@@ -185,6 +201,9 @@ class TestIntegration(unittest.TestCase):
         errors = " ".join(status.message for status in arm if level_of(status) == ERROR)
         self.assertIn("has no joint 'insertion'", errors)
         self.assertIn("contradicts measured_cp", errors)
+        arm = [s for m in found["/diagnostics"] for s in m.status if s.name.endswith("poses: PSM3")]
+        errors = " ".join(status.message for status in arm if level_of(status) == ERROR)
+        self.assertIn("PSM3/measured_cp: is a std_msgs/Header, must be a geometry_msgs/PoseStamped", errors)
 
     def a_wrong_hand_eye_calibration_shows_in_the_measure(self):
         """Its numbers say nothing about it. 3 mm along x are some 15 px here, which the registration does not explain."""
@@ -204,6 +223,7 @@ class TestIntegration(unittest.TestCase):
                                    ("arms", {"PSM1": {**arm, "joints": ["yaw"]}}, "must be those of the model"),
                                    ("arms", {"PSM1": {"base": "PSM1_base"}}, "arms/PSM1/tip: is ''"),
                                    ("targets", {"calyx": {"point": [0.1, 0.2]}}, "must be a list of three numbers"),
+                                   ("targets", {"calyx": {"surface": ""}}, "targets/calyx/surface: is empty"),
                                    ("targets", {"calyx": {"point": [0, 1, "x"]}}, "targets/calyx/point: is x, must be a number"),
                                    ("max_age", -1.0, "must be in [0.001, 60]")):
             run(["rosparam", "set", f"/wrong/{name}", yaml.safe_dump(value)], self.system.environment)

@@ -32,7 +32,6 @@ bool repeats(const std_msgs::Header& header, const Track& before) {
   return !before.empty() && before.back().first == header.stamp;
 }
 
-std::string pose_topic(const ArmBridgeOptions& options) { return options.name + "/measured_cp"; }
 std::string joint_topic(const ArmBridgeOptions& options) { return options.name + "/measured_js"; }
 
 }  // namespace
@@ -76,6 +75,12 @@ std::optional<sensor_msgs::JointState> ArmBridge::take(const sensor_msgs::JointS
   return counted(&ArmBridge::take_joints, message, now, joint_problem_);
 }
 
+void ArmBridge::refuse_pose(const std::string& problem) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++report_.refused;
+  pose_problem_ = problem;
+}
+
 /// A recording that is played again begins anew.
 void ArmBridge::notice_time(const ::ros::Time& now) {
   if (now < last_now_) {
@@ -104,7 +109,7 @@ void ArmBridge::require_usable(const std_msgs::Header& header, const Track& befo
 
 std::optional<geometry_msgs::TransformStamped> ArmBridge::take_pose(
     const geometry_msgs::PoseStamped& message, const ::ros::Time& now) {
-  const std::string topic = pose_topic(options_);
+  const std::string topic = pose_topic();
   require_usable(message.header, measured_, now, topic);
   require(message.header.frame_id == options_.pose_frame, topic,
           "'header.frame_id' is '" + message.header.frame_id + "', must be '" +
@@ -150,9 +155,10 @@ std::optional<sensor_msgs::JointState> ArmBridge::take_joints(
   require(contradiction_.empty(), topic, contradiction_);
   const ::ros::Time& since = agreed_.isZero() ? first_joints_ : agreed_;
   require(seconds_between(since, message.header.stamp) <= options_.max_age_s, topic,
-          formatted("cannot be compared with measured_cp: it has no stamp within %g s of those of "
-                    "the joints (pair_within) for more than %g s (max_age)",
-                    options_.pair_within_s, options_.max_age_s));
+          "cannot be compared with " + options_.pose +
+              formatted(": it has no stamp within %g s of those of the joints (pair_within) for "
+                        "more than %g s (max_age)",
+                        options_.pair_within_s, options_.max_age_s));
   if (agreed_.isZero()) return std::nullopt;
   return joints;
 }
@@ -174,17 +180,19 @@ void ArmBridge::compare(const ::ros::Time& stamp, const Isometry3d& T, Track& ow
   if (apart_mm <= options_.max_difference_mm && turned_deg <= options_.max_difference_deg)
     agreed_ = stamp;
   else
-    contradiction_ = formatted(
-        "contradicts measured_cp: joints and model have the tip %.1f mm and %.1f degrees away from "
-        "it, must be <= %g mm and %g degrees; is robot_description that of this robot, its tool "
-        "and its endoscope?",
-        apart_mm, turned_deg, options_.max_difference_mm, options_.max_difference_deg);
+    contradiction_ =
+        "contradicts " + options_.pose +
+        formatted(
+            ": joints and model have the tip %.1f mm and %.1f degrees away from it, must be <= %g "
+            "mm and %g degrees; is robot_description that of this robot, its tool and its "
+            "endoscope?",
+            apart_mm, turned_deg, options_.max_difference_mm, options_.max_difference_deg);
 }
 
 ArmReport ArmBridge::report() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   ArmReport report = report_;
-  report.leading_topic = options_.joints.empty() ? pose_topic(options_) : joint_topic(options_);
+  report.leading_topic = options_.joints.empty() ? pose_topic() : joint_topic(options_);
   report.problem = joint_problem_.empty() ? pose_problem_ : joint_problem_;
   return report;
 }

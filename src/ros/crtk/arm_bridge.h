@@ -26,14 +26,16 @@ struct ArmBridgeOptions {
   /// tf frames between which the arm's kinematics lie.
   std::string base;
   std::string tip;
-  /// The `header.frame_id` that `measured_cp` must have.
+  /// Topic of the poses in the arm's namespace; empty: none.
+  std::string pose = "measured_cp";
+  /// The `header.frame_id` that they must have.
   std::string pose_frame;
   /// Names in `measured_js` of the joints from base to tip. If there are any, the arm's poses in tf
-  /// come from them and the model; else from `measured_cp`.
+  /// come from them and the model; else from `pose`.
   std::vector<std::string> joints;
   /// The model has the joints by these names with this prefix: an arm does not know its own name.
   std::string joint_prefix;
-  /// Whether `measured_cp` must agree with joints and model. Needs `joints`.
+  /// Whether the poses must agree with joints and model. Needs `joints`.
   bool is_checked = true;
   /// The largest difference with which they agree.
   double max_difference_mm = 2.0;
@@ -54,7 +56,7 @@ struct ArmReport {
   std::uint64_t refused = 0;
   /// The reason why the last message of either kind was refused; empty if both were taken.
   std::string problem;
-  /// The last comparison of `measured_cp` with joints and model.
+  /// The last comparison of its poses with joints and model.
   std::optional<double> difference_mm;
   std::optional<double> difference_deg;
   /// The stamp of the newest message of the leading topic that was taken; 0 if there was none.
@@ -80,7 +82,12 @@ class ArmBridge {
   std::optional<sensor_msgs::JointState> take(const sensor_msgs::JointState& message,
                                               const ::ros::Time& now);
 
+  /// Counts a message that cannot even be read as a pose, for the reason `problem`.
+  void refuse_pose(const std::string& problem);
+
   const ArmBridgeOptions& options() const { return options_; }
+  /// The full name of the topic of its poses.
+  std::string pose_topic() const { return options_.name + "/" + options_.pose; }
   ArmReport report() const;
 
  private:

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint32_t kQueue = 100;
 
-/// The payload of `measured_cp`: a PoseStamped since CRTK 1.2 (dVRK 2.2), before that a
+/// The payload of an arm's poses: a PoseStamped since CRTK 1.2 (dVRK 2.2), before that a
 /// TransformStamped. Throws InputError for any other type.
 geometry_msgs::PoseStamped pose_from(const topic_tools::ShapeShifter& message,
                                      const std::string& topic) {
@@ -34,7 +34,7 @@ CrtkBridge::CrtkBridge(const ::ros::NodeHandle& node, const ::ros::NodeHandle& p
     : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
   const CrtkParameters parameters = read_crtk_parameters(node_, private_node);
   diagnostics_.setHardwareID("none");
-  for (const CrtkArm& arm : parameters.arms) add_arm(arm, parameters.robot_description);
+  for (const ArmBridgeOptions& arm : parameters.arms) add_arm(arm, parameters.robot_description);
   if (!parameters.targets.targets.empty()) {
     targets_ = std::make_unique<TargetPublisher>(node_, parameters.targets);
     diagnostics_.add("targets", this, &CrtkBridge::diagnose_targets);
@@ -44,16 +44,15 @@ CrtkBridge::CrtkBridge(const ::ros::NodeHandle& node, const ::ros::NodeHandle& p
                             [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
 }
 
-void CrtkBridge::add_arm(const CrtkArm& arm, const std::string& robot_description) {
-  const ArmBridgeOptions& options = arm.bridge;
+void CrtkBridge::add_arm(const ArmBridgeOptions& options, const std::string& robot_description) {
   std::shared_ptr<const ArmModel> model;
   if (!options.joints.empty())
     model = std::make_shared<ArmModel>(robot_description, options.base, options.tip);
   arms_.push_back(std::make_unique<ArmBridge>(options, model));
   ArmBridge& bridge = *arms_.back();
-  if (!arm.pose_topic.empty() && (options.joints.empty() || options.is_checked))
+  if (!options.pose.empty() && (options.joints.empty() || options.is_checked))
     subscribers_.push_back(node_.subscribe<topic_tools::ShapeShifter>(
-        options.name + "/" + arm.pose_topic, kQueue,
+        bridge.pose_topic(), kQueue,
         [this, &bridge](const topic_tools::ShapeShifter::ConstPtr& message) {
           take_pose(bridge, *message);
         }));
@@ -75,8 +74,14 @@ void CrtkBridge::add_arm(const CrtkArm& arm, const std::string& robot_descriptio
 }
 
 void CrtkBridge::take_pose(ArmBridge& arm, const topic_tools::ShapeShifter& message) try {
-  const auto transform =
-      arm.take(pose_from(message, arm.options().name + "/measured_cp"), ::ros::Time::now());
+  geometry_msgs::PoseStamped pose;
+  try {
+    pose = pose_from(message, arm.pose_topic());
+  } catch (const std::exception& error) {
+    arm.refuse_pose(error.what());
+    throw;
+  }
+  const auto transform = arm.take(pose, ::ros::Time::now());
   if (transform) broadcaster_.sendTransform(*transform);
 } catch (const std::exception& error) {
   ROS_ERROR_THROTTLE(1.0, "%s", error.what());
@@ -108,8 +113,9 @@ void CrtkBridge::diagnose_arm(const ArmBridge& arm,
   diagnosis.add("messages refused", report.refused);
   diagnosis.add("newest stamp", seconds_text(report.newest));
   if (!report.difference_mm) return;
-  diagnosis.add("measured_cp from joints and model (mm)", *report.difference_mm);
-  diagnosis.add("measured_cp from joints and model (deg)", *report.difference_deg);
+  const std::string compared = arm.options().pose + " from joints and model ";
+  diagnosis.add(compared + "(mm)", *report.difference_mm);
+  diagnosis.add(compared + "(deg)", *report.difference_deg);
 }
 
 void CrtkBridge::diagnose_targets(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {

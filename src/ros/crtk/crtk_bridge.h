@@ -23,7 +23,7 @@ class CrtkBridge {
   CrtkBridge(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node);
 
  private:
-  void add_arm(const CrtkArm& arm, const std::string& robot_description);
+  void add_arm(const ArmBridgeOptions& options, const std::string& robot_description);
   void take_pose(ArmBridge& arm, const topic_tools::ShapeShifter& message);
   void take_joints(ArmBridge& arm, const ::ros::Publisher& publisher,
                    const sensor_msgs::JointState& message);

@@ -60,22 +60,21 @@ class Entry {
   std::set<std::string> known_;
 };
 
-CrtkArm read_arm(const std::string& name, const Members& members, ArmBridgeOptions options) {
+ArmBridgeOptions read_arm(const std::string& name, const Members& members,
+                          ArmBridgeOptions options) {
   Entry entry("arms/" + name, members);
-  CrtkArm arm;
   options.name = name;
   options.base = entry.frame("base");
   options.tip = entry.frame("tip");
   options.pose_frame = entry.text("pose_frame", options.base);
   options.joints = entry.texts("joints");
   options.joint_prefix = entry.text("joint_prefix", name + "_");
-  arm.pose_topic = entry.text("pose", "measured_cp");
-  options.is_checked = !arm.pose_topic.empty() && entry.flag("check", true);
+  options.pose = entry.text("pose", options.pose);
+  options.is_checked = !options.pose.empty() && entry.flag("check", true);
   entry.finish();
-  require(!options.joints.empty() || !arm.pose_topic.empty(), "arms/" + name,
+  require(!options.joints.empty() || !options.pose.empty(), "arms/" + name,
           "has neither 'joints' nor 'pose', must have one of them");
-  arm.bridge = options;
-  return arm;
+  return options;
 }
 
 Target read_target(const std::string& name, const Members& members) {
@@ -88,6 +87,8 @@ Target read_target(const std::string& name, const Members& members) {
           "must have either 'surface' or 'point'");
   if (surface != members.end()) {
     target.surface = Entry(path, members).text("surface", "");
+    require(!target.surface.empty(), path + "/surface",
+            "is empty, must name a structure of ct/surface");
     return target;
   }
   XmlRpcValue numbers = point->second;
@@ -123,11 +124,10 @@ CrtkParameters read_crtk_parameters(const ::ros::NodeHandle& node,
   parameters.finish();
   require(read.targets.targets.empty() || !read.targets.frame.empty(), "target_frame",
           "is empty, must name the frame in which the targets are published");
-  for (const CrtkArm& arm : read.arms)
-    if (!arm.bridge.joints.empty() && read.robot_description.empty())
-      require(
-          node.getParam("robot_description", read.robot_description), "robot_description",
-          "is not set, must be the robot's model (URDF): arms/" + arm.bridge.name + " has joints");
+  for (const ArmBridgeOptions& arm : read.arms)
+    if (!arm.joints.empty() && read.robot_description.empty())
+      require(node.getParam("robot_description", read.robot_description), "robot_description",
+              "is not set, must be the robot's model (URDF): arms/" + arm.name + " has joints");
   return read;
 }
 

@@ -10,15 +10,9 @@
 
 namespace usct::ros_interface {
 
-/// An arm, and the name of its topic of poses within its namespace.
-struct CrtkArm {
-  ArmBridgeOptions bridge;
-  std::string pose_topic;
-};
-
 /// The parameters of the node `crtk_bridge`; docs/nodes/crtk_bridge.md.
 struct CrtkParameters {
-  std::vector<CrtkArm> arms;
+  std::vector<ArmBridgeOptions> arms;
   /// Text of the robot's model (URDF); empty if no arm has joints.
   std::string robot_description;
   TargetOptions targets;

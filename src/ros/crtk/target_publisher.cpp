@@ -45,7 +45,7 @@ void TargetPublisher::publish() {
   try {
     const ::ros::Time now = ::ros::Time::now();
     report.warnings = keeper_.at(now).warnings;
-    publish_at(now);
+    report.problem = publish_at(now);
   } catch (const std::exception& error) {
     report.problem = error.what();
   }
@@ -53,20 +53,24 @@ void TargetPublisher::publish() {
   report_ = report;
 }
 
-void TargetPublisher::publish_at(const ::ros::Time& now) {
+std::string TargetPublisher::publish_at(const ::ros::Time& now) {
   const OverlayScene scene = keeper_.at(now);
   if (!scene.refusal.empty()) throw InputError("targets", scene.refusal);
   const Eigen::Isometry3d T_frame_ct =
       T_frame_ct_at(tf_, scene, options_.frame, now, now, options_.tf_timeout_s);
-  if (!keeper_.is_current(scene)) return;
-  for (std::size_t i = 0; i < options_.targets.size(); ++i) {
-    geometry_msgs::PoseStamped message;
-    message.header.stamp = now;
-    message.header.frame_id = options_.frame;
-    message.pose =
-        to_pose_message(T_frame_ct * Eigen::Translation3d(point_mm(options_.targets[i], scene)));
-    publishers_[i].publish(message);
-  }
+  std::string problems;
+  if (!keeper_.is_current(scene)) return problems;
+  for (std::size_t i = 0; i < options_.targets.size(); ++i) try {
+      geometry_msgs::PoseStamped message;
+      message.header.stamp = now;
+      message.header.frame_id = options_.frame;
+      message.pose =
+          to_pose_message(T_frame_ct * Eigen::Translation3d(point_mm(options_.targets[i], scene)));
+      publishers_[i].publish(message);
+    } catch (const InputError& error) {
+      problems += (problems.empty() ? "" : "; ") + std::string(error.what());
+    }
+  return problems;
 }
 
 Eigen::Vector3d TargetPublisher::point_mm(const Target& target, const OverlayScene& scene) const {

@@ -45,7 +45,7 @@ class TargetPublisher {
  public:
   TargetPublisher(const ::ros::NodeHandle& node, TargetOptions options);
 
-  /// The reason why a target is not published, or what speaks against the alignment, in words.
+  /// The reasons why targets are not published, or what speaks against the alignment, in words.
   struct Report {
     std::string problem;
     std::vector<std::string> warnings;
@@ -54,7 +54,9 @@ class TargetPublisher {
 
  private:
   void publish();
-  void publish_at(const ::ros::Time& now);
+  /// Returns why single targets are not published; empty if all are. Throws InputError if none can
+  /// be.
+  std::string publish_at(const ::ros::Time& now);
   Eigen::Vector3d point_mm(const Target& target, const OverlayScene& scene) const;
 
   ::ros::NodeHandle node_;

@@ -115,6 +115,23 @@ TEST_F(ArmBridgeTest, PosesBecomeTfWithTheirStamps) {
   EXPECT_EQ(arm.report().refused, 0U);
 }
 
+TEST_F(ArmBridgeTest, AMessageThatIsNoPoseIsAProblemUntilAPoseIsTaken) {
+  ArmBridge arm = of_poses();
+  arm.refuse_pose("is a std_msgs/Header");
+  EXPECT_EQ(arm.report().problem, "is a std_msgs/Header");
+  EXPECT_EQ(arm.report().refused, 1U);
+  arm.take(pose(99.9, T_), now_);
+  EXPECT_EQ(arm.report().problem, "");
+}
+
+TEST_F(ArmBridgeTest, NamesTheTopicOfItsPoses) {
+  options_.pose = "local/measured_cp";
+  ArmBridge arm = of_poses();
+  EXPECT_EQ(arm.report().leading_topic, "PSM1/local/measured_cp");
+  EXPECT_THAT(refusal([&] { arm.take(pose(0.0, T_), now_); }),
+              HasSubstr("PSM1/local/measured_cp: 'header.stamp' is 0"));
+}
+
 TEST_F(ArmBridgeTest, WrongPosesAreRefused) {
   ArmBridge arm = of_poses();
   arm.take(pose(99.9, T_), now_);
