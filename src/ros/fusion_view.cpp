@@ -145,7 +145,7 @@ void FusionViewNode::place(const msg::PreScanVolume& message, FusionUltrasound& 
 }
 
 void FusionViewNode::take_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
-  require_not_ahead(message->header.stamp, ::ros::Time::now(), "us/volume", "header.stamp");
+  require_stamped(message->header.stamp, ::ros::Time::now(), "us/volume");
   auto us = std::make_shared<FusionUltrasound>();
   us->header = message->header;
   us->volume = from_message(*message, "us/volume");
@@ -178,9 +178,7 @@ std::optional<FramedPoint> FusionViewNode::placed(const geometry_msgs::PointStam
   if (frame.empty()) throw InputError("fusion/centre", "'header.frame_id' is empty");
   if (fixed.empty()) throw InputError("fusion/centre", "is not used before there is ultrasound");
   if (frame == fixed) return FramedPoint{frame, p_mm};
-  if (message.header.stamp.isZero())
-    throw InputError("fusion/centre", "has no stamp, so that tf cannot place it");
-  require_not_ahead(message.header.stamp, ::ros::Time::now(), "fusion/centre", "header.stamp");
+  require_stamped(message.header.stamp, ::ros::Time::now(), "fusion/centre");
   const Eigen::Isometry3d T_fixed_frame = from_message_mm(
       wait_for_transform(tf_, fixed, frame, message.header.stamp, tf_timeout_s_).transform, "tf");
   return FramedPoint{fixed, T_fixed_frame * p_mm};

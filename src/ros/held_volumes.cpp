@@ -16,11 +16,10 @@ using Status = msg::StatusCode;
 
 constexpr std::chrono::milliseconds kPoll(5);
 
-/// The conversions do not check headers. A stamp of 0 would make tf give its newest transform.
+/// The conversions do not check headers.
 void require_header(const std_msgs::Header& header, const ::ros::Time& now,
                     const std::string& source) {
-  if (header.stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
-  require_not_ahead(header.stamp, now, source, "header.stamp");
+  require_stamped(header.stamp, now, source);
   if (header.frame_id.empty()) throw InputError(source, "'header.frame_id' is empty, must be set");
 }
 
@@ -265,13 +264,14 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
   return entry->volume;
 }
 
-void HeldVolumes::require_still(const HeldUltrasound& us,
+bool HeldVolumes::require_still(const HeldUltrasound& us,
                                 const std::function<bool()>& cancelled) const {
   while (!frame_.is_complete(us.header) && Clock::now() < us.tf_deadline) {
     require_not(cancelled);
     std::this_thread::sleep_for(kPoll);
   }
   frame_.require_still(us.header, us.pose);
+  return frame_.is_complete(us.header);
 }
 
 bool HeldVolumes::is_newest(const HeldCt& ct) const {

@@ -117,8 +117,9 @@ class HeldVolumes {
 
   /// Waits until tf has reached the end of the window in which the probe must not move, or for
   /// `tf_timeout`: a registration may begin before that, but its result must not be given out.
-  /// Refuses with TF_JUMPED, TF_UNAVAILABLE or CANCELLED.
-  void require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
+  /// Returns whether tf has reached it, so that a motion would have been seen. Refuses with
+  /// TF_JUMPED, TF_UNAVAILABLE or CANCELLED.
+  bool require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
 
   /// Whether no other CT has arrived since `ct`, converted or not.
   bool is_newest(const HeldCt& ct) const;

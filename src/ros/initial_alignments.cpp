@@ -49,7 +49,7 @@ InitialAlignments::InitialAlignments(const FixedFrame& frame,
     : frame_(frame), from_parameters_(std::move(from_parameters)) {}
 
 double InitialAlignments::set(
-    const SetRequest& request, std::uint64_t now_ms,
+    const SetRequest& request, std::uint64_t now_ms, const HeldCt* ct,
     const std::function<std::shared_ptr<const HeldUltrasound>()>& newest) {
   std::optional<FramedAlignment> anchored;
   double residual_m = 0.0;
@@ -68,6 +68,7 @@ double InitialAlignments::set(
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   set_ = anchored;
+  set_for_ = ct ? std::optional(identity_of(*ct)) : std::nullopt;
   set_at_ms_ = now_ms;
   return residual_m;
 }
@@ -92,9 +93,7 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
                                                             const HeldCt& ct) const {
   if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
-  // The alignment of another CT is not valid for this one.
-  if (accepted_->ct_frame != ct.header.frame_id || accepted_->ct_crc32 != ct.crc32)
-    return std::nullopt;
+  if (CtIdentity(accepted_->ct_frame, accepted_->ct_crc32) != identity_of(ct)) return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);
   return in_ultrasound({accepted_->header.frame_id, T}, us,
@@ -103,14 +102,15 @@ std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound
 
 std::optional<InitialAlignment> InitialAlignments::choose(
     const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-    const HeldCt& ct) const {
+    const HeldCt& ct) {
   if (of_goal) {
     const Isometry3d T =
         transform_mm(of_goal->transform, "goal: 'initial.transform'", Status::INVALID_REQUEST);
     return in_ultrasound({of_goal->header.frame_id, T}, us, "goal");
   }
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (set_) return in_ultrasound(*set_, us, "set");
+  if (set_ && !set_for_) set_for_ = identity_of(ct);
+  if (set_ && set_for_ == identity_of(ct)) return in_ultrasound(*set_, us, "set");
   if (const auto alignment = accepted(us, ct)) return alignment;
   if (from_parameters_) return in_ultrasound(*from_parameters_, us, "parameters");
   return std::nullopt;

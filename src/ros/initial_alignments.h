@@ -11,6 +11,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "ros/fixed_frame.h"
 #include "ros/held_volumes.h"
@@ -31,8 +32,8 @@ struct InitialAlignment {
 };
 
 /// Chooses the pose from which a registration starts: that of the goal, the one that was set, the
-/// last accepted one, or that of the parameters; the first that exists counts. May be called from
-/// any thread.
+/// last accepted one, or that of the parameters; the first that exists counts. One that was set or
+/// accepted is that of one CT, and says nothing of another. May be called from any thread.
 class InitialAlignments {
  public:
   /// Source of the last accepted alignment.
@@ -42,9 +43,11 @@ class InitialAlignments {
 
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
   /// which `newest` returns or refuses; `newest` is called only if the request's frame is not the
-  /// fixed one. `now_ms` is the time as in the results' numbers. Returns the residual between
-  /// landmarks, m. Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then nothing changes.
+  /// fixed one. It is that of `ct`, or, if that is null, of the CT for which it is chosen first.
+  /// `now_ms` is the time as in the results' numbers. Returns the residual between landmarks, m.
+  /// Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then nothing changes.
   double set(const us_ct_registration::SetInitialAlignment::Request& request, std::uint64_t now_ms,
+             const HeldCt* ct,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
@@ -55,9 +58,13 @@ class InitialAlignments {
   /// INVALID_REQUEST (`of_goal`) or INVALID_MESSAGE.
   std::optional<InitialAlignment> choose(
       const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-      const HeldCt& ct) const;
+      const HeldCt& ct);
 
  private:
+  /// What tells one CT from another: its frame and its checksum.
+  using CtIdentity = std::pair<std::string, std::uint32_t>;
+
+  static CtIdentity identity_of(const HeldCt& ct) { return {ct.header.frame_id, ct.crc32}; }
   std::optional<InitialAlignment> accepted(const HeldUltrasound& us, const HeldCt& ct) const;
   InitialAlignment in_ultrasound(const FramedAlignment& alignment, const HeldUltrasound& us,
                                  const std::string& source) const;
@@ -67,6 +74,7 @@ class InitialAlignments {
 
   mutable std::mutex mutex_;
   std::optional<FramedAlignment> set_;
+  std::optional<CtIdentity> set_for_;
   std::uint64_t set_at_ms_ = 0;
   us_ct_registration::Alignment::ConstPtr accepted_;
 };

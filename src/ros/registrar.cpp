@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/registration_result.h"
 #include "ros/conversions/times.h"
@@ -46,15 +47,20 @@ struct Registrar::Inputs {
   InitialAlignment start;
 };
 
-Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes,
-                     const InitialAlignments& alignments, const FixedFrame& frame,
-                     const std::string& source)
+Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes, InitialAlignments& alignments,
+                     const FixedFrame& frame, const std::string& source)
     : options_(std::move(options)),
       volumes_(volumes),
       alignments_(alignments),
       frame_(frame),
       own_(parsed(options_.preset, options_.options, source)),
-      tracker_(own_.options, {options_.full_every}) {}
+      tracker_(own_.options, {options_.full_every}) {
+  if (!options_.allow_global) return;
+  require(!options_.preset.empty(), source,
+          "'preset' is empty, must name a preset if allow_global is true: a whole file of options "
+          "cannot be those of 'global'");
+  parsed(kGlobalPreset, options_.options, source);
+}
 
 Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string& options,
                                     const std::string& source) const {
@@ -62,20 +68,25 @@ Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string
   Chosen chosen{preset + (options.empty()  ? ""
                           : preset.empty() ? "options"
                                            : " with options"),
-                parse_registration_options(from_preset + options, source)};
+                options, parse_registration_options(from_preset + options, source)};
   if (options_.seed) chosen.options.seed = *options_.seed;
   return chosen;
+}
+
+Registrar::Chosen Registrar::asked_for(const std::string& preset,
+                                       const std::string& options) const {
+  try {
+    return parsed(preset, options, "'options'");
+  } catch (const InputError& error) {
+    throw Refusal(Status::INVALID_REQUEST, error.what());
+  }
 }
 
 Registrar::Chosen Registrar::options_of(const RegistrationRequest& request) const {
   if (request.preset.empty() && request.options.empty()) return own_;
   const std::string& preset = request.preset.empty() ? options_.preset : request.preset;
   if (!preset.empty()) require_known(preset);
-  try {
-    return parsed(preset, request.options, "'options'");
-  } catch (const InputError& error) {
-    throw Refusal(Status::INVALID_REQUEST, error.what());
-  }
+  return asked_for(preset, request.options);
 }
 
 void Registrar::collect(const RegistrationRequest& request, Inputs& inputs) {
@@ -103,12 +114,12 @@ void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs)
     inputs.start = *known;
     return;
   }
-  const bool asked_for = inputs.chosen.preset.rfind(kGlobalPreset, 0) == 0;
-  if (!asked_for && !options_.allow_global)
+  const bool is_global = inputs.chosen.preset.rfind(kGlobalPreset, 0) == 0;
+  if (!is_global && !options_.allow_global)
     throw Refusal(Status::NO_INITIAL_ALIGNMENT,
-                  "no initial alignment is known: none in the request, none set, none accepted "
-                  "before, none in the parameters; and allow_global is false");
-  if (!asked_for) inputs.chosen = parsed(kGlobalPreset, "", "'preset'");
+                  "no initial alignment is known: none in the request, none set and none accepted "
+                  "before for this CT, none in the parameters; and allow_global is false");
+  if (!is_global) inputs.chosen = asked_for(kGlobalPreset, inputs.chosen.differing);
   inputs.start = {
       rough_pose(inputs.ct->volume.grid, inputs.us->beams.beams, options_.probe_direction),
       kGlobalPreset};
@@ -160,7 +171,10 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request, con
           ? tracker_.next(inputs.us->beams, ct, T_us_ct, hooks)
           : register_ultrasound(inputs.us->beams, ct, T_us_ct, inputs.chosen.options, hooks);
   // This check comes first, because ultrasound that moved has a wrong initial pose as well.
-  volumes_.require_still(*inputs.us, request.cancelled);
+  if (!volumes_.require_still(*inputs.us, request.cancelled))
+    result.message +=
+        "; tf ends before the time after the ultrasound's stamp in which the probe must be still "
+        "(jump_window): a motion there was not seen";
   require_newest(*inputs.ct);
   return result;
 }

@@ -45,7 +45,9 @@ struct RegistrarOptions {
   /// Seed of the search; unset: the seed in the options.
   std::optional<std::uint32_t> seed;
   bool allow_older_ultrasound = false;
-  /// Whether to search over all poses, with the preset `global`, if there is no initial alignment.
+  /// Whether to search by the preset `global`, from the rough pose of a probe that looks in
+  /// `probe_direction`, if there is no initial alignment. The options that differ from the preset
+  /// stay as they are.
   bool allow_global = false;
   /// As TrackingOptions::full_every.
   int full_every = TrackingOptions().full_every;
@@ -58,8 +60,9 @@ struct RegistrarOptions {
 /// from one thread.
 class Registrar {
  public:
-  /// Throws InputError, naming `source`, if the options are invalid.
-  Registrar(RegistrarOptions options, HeldVolumes& volumes, const InitialAlignments& alignments,
+  /// Throws InputError, naming `source`, if the options are invalid, for the preset `global` too if
+  /// it is allowed.
+  Registrar(RegistrarOptions options, HeldVolumes& volumes, InitialAlignments& alignments,
             const FixedFrame& frame, const std::string& source);
 
   /// Whether the newest CT is held, or none is left, and `prepare_ct` has not noticed.
@@ -74,13 +77,18 @@ class Registrar {
 
  private:
   struct Chosen {
+    /// As in the result: the preset, and whether options differ from it.
     std::string preset;
+    /// YAML of the options that differ from the preset; the whole file if there is no preset.
+    std::string differing;
     RegistrationOptions options;
   };
   struct Inputs;
 
   Chosen parsed(const std::string& preset, const std::string& options,
                 const std::string& source) const;
+  /// As `parsed`, of a request. Refuses with INVALID_REQUEST.
+  Chosen asked_for(const std::string& preset, const std::string& options) const;
   Chosen options_of(const RegistrationRequest& request) const;
   void collect(const RegistrationRequest& request, Inputs& inputs);
   void choose_start(const RegistrationRequest& request, Inputs& inputs) const;
@@ -90,7 +98,7 @@ class Registrar {
 
   const RegistrarOptions options_;
   HeldVolumes& volumes_;
-  const InitialAlignments& alignments_;
+  InitialAlignments& alignments_;
   const FixedFrame& frame_;
   Chosen own_;
   /// `prepared_` refers to the volume of `prepared_of_`; both are null, or none.

@@ -134,8 +134,10 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
                                                 msg::SetInitialAlignment::Response& response) {
   const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
-    response.residual = alignments_.set(
-        request, wall_time_ms(), [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
+    const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
+    response.residual =
+        alignments_.set(request, wall_time_ms(), ct && volumes_.is_newest(*ct) ? ct.get() : nullptr,
+                        [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {

@@ -80,8 +80,7 @@ void UsCloud::follow_frames(const msg::PreScanVolume& message, const Eigen::Isom
 }
 
 void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
-  require_not_ahead(message->header.stamp, ::ros::Time::now(), us_subscriber_.getTopic(),
-                    "header.stamp");
+  require_stamped(message->header.stamp, ::ros::Time::now(), us_subscriber_.getTopic());
   const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
   BeamUltrasound seen = along_beams(us);
   Shown shown;

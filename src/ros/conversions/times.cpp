@@ -25,6 +25,11 @@ void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const s
                   " s ahead: the stamp is wrong, or the clocks disagree");
 }
 
+void require_stamped(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source) {
+  if (stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
+  require_not_ahead(stamp, now, source, "header.stamp");
+}
+
 std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {
   if (stamp <= ::ros::TIME_MIN) return "before the clock began";
   return seconds_text(stamp) + " (" + seconds_text(seconds_between(stamp, now)) + " s ago)";

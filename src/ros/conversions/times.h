@@ -40,6 +40,10 @@ inline double seconds_between(const ::ros::Time& earlier, const ::ros::Time& lat
 void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source,
                        const std::string& field);
 
+/// The same for the stamp of a header, which must not be 0 either: tf would give its newest
+/// transform.
+void require_stamped(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source);
+
 /// A stamp for what comes at `now`. Simulated time is 0 before it begins, which is no valid stamp;
 /// the least one is taken then, since all that comes later is newer.
 inline ::ros::Time valid_stamp(const ::ros::Time& now) { return std::max(now, ::ros::TIME_MIN); }

@@ -32,6 +32,12 @@ TEST(Registration, GlobalSearchIfAllowed) {
   EXPECT_EQ(result.initial_alignment, "global");
   EXPECT_EQ(result.preset, "global");
   EXPECT_LT(turned.error_mm(from_message_mm(result.transform, "result")), kGoodMm);
+  // A gate that a goal asks for holds here too.
+  msg::RegisterGoal goal;
+  goal.options = "confidence: {gates: {max_wrong_probability: 0}}";
+  const Result gated = goal_result(client, goal);
+  EXPECT_EQ(gated.status.code, Status::LOW_CONFIDENCE) << gated.status.message;
+  EXPECT_EQ(gated.preset, "global with options");
 }
 
 TEST(Registration, LandmarksAreAnInitialAlignment) {

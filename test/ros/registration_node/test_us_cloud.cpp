@@ -168,6 +168,8 @@ TEST_F(UsCloudNode, SaysInDiagnosticsWhyUltrasoundIsNotShown) {
   diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::OK, "ultrasound is shown"));
   us_.publish(agar_ultrasound(::ros::Time::now(), "us_cloud_nowhere"));
   diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::WARN, "us_cloud_nowhere"));
+  us_.publish(agar_ultrasound(::ros::Time(), "us_cloud_good"));
+  diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::WARN, "'header.stamp' is 0"));
   cloud_of_moving(0.0, true, "us_cloud_good_again");
   diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::OK, "ultrasound is shown"));
 }

@@ -69,6 +69,14 @@ TEST(Times, FarAheadOfTheClockAreRefused) {
   EXPECT_NO_THROW(require_not_ahead(::ros::Time(1031.0), ::ros::Time(), "volume", "stamp"));
 }
 
+TEST(Times, StampsOfHeadersMustBeSetToo) {
+  const ::ros::Time now(1000.0);
+  EXPECT_NO_THROW(require_stamped(::ros::Time(999.0), now, "volume"));
+  EXPECT_THROW(require_stamped(::ros::Time(), now, "volume"), InputError);
+  EXPECT_THROW(require_stamped(::ros::Time(), ::ros::Time(), "volume"), InputError);
+  EXPECT_THROW(require_stamped(::ros::Time(1031.0), now, "volume"), InputError);
+}
+
 TEST(Times, BeforeTheClockBeganHaveNoAge) {
   const ::ros::Time now(1795620968.0);
   EXPECT_EQ(stamp_and_age(valid_stamp(::ros::Time(1795620966.5)), now),

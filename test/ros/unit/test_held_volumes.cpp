@@ -315,6 +315,19 @@ TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
   EXPECT_EQ(asked, 3);
 }
 
+TEST_F(HeldVolumesWithTf, TellsWhetherAMotionAfterTheStampWouldHaveBeenSeen) {
+  options_.tf_timeout_s = 0.2;
+  volumes_.emplace(with_tf_, options_, [] {});
+  know(99.0, 0.0);
+  know(100.02, 0.0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+  const auto not_cancelled = [] { return false; };
+  const auto found = volumes().ultrasound(::ros::Time(), not_cancelled);
+  EXPECT_FALSE(volumes().require_still(*found, not_cancelled));
+  know(101.0, 0.0);
+  EXPECT_TRUE(volumes().require_still(*found, not_cancelled));
+}
+
 /// Volumes arrive faster than tf, and more than are kept; those that wait longest still become
 /// ready.
 TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {

@@ -39,8 +39,8 @@ class InitialAlignmentsTest : public testing::Test {
     options.frame = "patient";
     return options;
   }
-  double set(const SetRequest& request, std::uint64_t now_ms = 50) {
-    return alignments_.set(request, now_ms,
+  double set(const SetRequest& request, std::uint64_t now_ms = 50, const HeldCt* ct = nullptr) {
+    return alignments_.set(request, now_ms, ct,
                            [this]() -> std::shared_ptr<const HeldUltrasound> { return us_; });
   }
   SetRequest pose(const std::string& frame, double x_mm) const {
@@ -64,12 +64,16 @@ class InitialAlignmentsTest : public testing::Test {
     if (state != msg::Alignment::NONE) alignment->transform = to_message(shifted(x_mm));
     alignments_.arrived(alignment);
   }
-  /// Source and x of T_us_ct, mm.
-  std::string chosen(const std::optional<geometry_msgs::TransformStamped>& goal = {}) const {
+  static HeldCt held_ct(std::uint32_t crc32) {
     HeldCt ct;
     ct.header.frame_id = "ct";
-    ct.crc32 = kCt;
-    const auto found = alignments_.choose(goal, *us_, ct);
+    ct.crc32 = crc32;
+    return ct;
+  }
+  /// Source and x of T_us_ct, mm.
+  std::string chosen(const std::optional<geometry_msgs::TransformStamped>& goal = {},
+                     std::uint32_t ct_crc32 = kCt) {
+    const auto found = alignments_.choose(goal, *us_, held_ct(ct_crc32));
     if (!found) return "none";
     return found->source + " " + std::to_string(std::lround(found->T_us_ct.translation().x()));
   }
@@ -129,9 +133,10 @@ TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
 }
 
 TEST_F(InitialAlignmentsTest, SetInTheFixedFrameNeedsNoUltrasound) {
-  alignments_.set(pose("patient", 1009.0), 50, []() -> std::shared_ptr<const HeldUltrasound> {
-    throw Refusal(Status::NO_ULTRASOUND, "none");
-  });
+  alignments_.set(pose("patient", 1009.0), 50, nullptr,
+                  []() -> std::shared_ptr<const HeldUltrasound> {
+                    throw Refusal(Status::NO_ULTRASOUND, "none");
+                  });
   EXPECT_EQ(chosen(), "set 9");
 }
 
@@ -143,6 +148,25 @@ TEST_F(InitialAlignmentsTest, AlignmentOfAnotherCtIsNotUsed) {
   EXPECT_EQ(chosen(), "parameters 4");
   accept(msg::Alignment::ACCEPTED, 1005.0, 20);
   EXPECT_EQ(chosen(), "accepted 5");
+}
+
+/// A CT that is shown again, after another one, has its alignment again.
+TEST_F(InitialAlignmentsTest, SetIsThatOfTheCtThatWasHeldThen) {
+  const HeldCt ct = held_ct(kCt);
+  set(pose("us", 2.0), 50, &ct);
+  EXPECT_EQ(chosen({}, kCt + 1), "parameters 4");
+  EXPECT_EQ(chosen(), "set 2");
+  set(pose("us", 7.0), 60, &ct);
+  HeldCt renamed = ct;
+  renamed.header.frame_id = "ct_of_last_month";
+  EXPECT_EQ(alignments_.choose({}, *us_, renamed)->source, "parameters");
+}
+
+TEST_F(InitialAlignmentsTest, SetBeforeAnyCtIsThatOfTheFirstOneThatIsRegistered) {
+  set(pose("us", 2.0));
+  EXPECT_EQ(chosen({}, kCt + 1), "set 2");
+  EXPECT_EQ(chosen(), "parameters 4");
+  EXPECT_EQ(chosen({}, kCt + 1), "set 2");
 }
 
 TEST_F(InitialAlignmentsTest, LandmarksAreAligned) {

@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
@@ -5,6 +6,7 @@
 
 #include "ros/conversions/ct.h"
 #include "ros/registrar.h"
+#include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -39,6 +41,27 @@ class RegistrarCt : public testing::Test {
   InitialAlignments alignments_{frame_, std::nullopt};
   Registrar registrar_{RegistrarOptions(), volumes_, alignments_, frame_, "test"};
 };
+
+TEST_F(RegistrarCt, OptionsOfTheSearchWithoutAnInitialAlignmentAreCheckedAtTheStart) {
+  const auto refusal = [&](const std::string& preset, const std::string& options) -> std::string {
+    RegistrarOptions registrar;
+    registrar.preset = preset;
+    registrar.options = options;
+    registrar.allow_global = true;
+    try {
+      Registrar(registrar, volumes_, alignments_, frame_, "test");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(refusal("patient", "search: {rounds: 1}"), "none");
+  EXPECT_THAT(refusal("", "preset: patient\nsearch: {rounds: 1}"),
+              testing::HasSubstr("'preset' is empty, must name a preset if allow_global is true"));
+  // The preset has no third level, and 'global' neither.
+  EXPECT_THAT(refusal("patient", "search: {levels: {2: {optimised: 1}}}"),
+              testing::HasSubstr("search.levels"));
+}
 
 TEST_F(RegistrarCt, IsPreparedOnce) {
   EXPECT_FALSE(registrar_.is_ct_unprepared());
