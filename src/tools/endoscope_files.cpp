@@ -1,9 +1,9 @@
 #include "endoscope_files.h"
 
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "us_ct_registration/formatted.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/rendering/picture.h"
 
 namespace usct::tools {
@@ -76,13 +76,6 @@ Picture picture_of_mask(const EndoscopeImage& image) {
   for (std::size_t i = 0; i < image.tumour.size(); ++i)
     std::fill_n(&picture.pixels[3 * i], 3, image.tumour[i]);
   return picture;
-}
-
-void write_text(const fs::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw std::runtime_error("cannot write " + path.string());
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "simulation_pictures.h"
@@ -140,11 +139,7 @@ nlohmann::ordered_json summary(const SimulatedUltrasound& simulated,
 }
 
 void write_json(const nlohmann::ordered_json& json, const std::filesystem::path& path) {
-  write_atomically(path, [&](const std::filesystem::path& temporary) {
-    std::ofstream file(temporary);
-    file << json.dump(2) << '\n';
-    if (!file) throw std::runtime_error("cannot write " + temporary.string());
-  });
+  write_text(path, json.dump(2) + '\n');
 }
 
 std::vector<SimulationImage> images_of(const Simulation& simulation) {

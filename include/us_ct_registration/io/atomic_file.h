@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <string>
 
 namespace usct {
 
@@ -16,5 +17,8 @@ namespace usct {
 /// `target` is a folder; std::runtime_error if the disk fails; and whatever `write` throws.
 void write_atomically(const std::filesystem::path& target,
                       const std::function<void(const std::filesystem::path& temporary)>& write);
+
+/// Writes a whole file of text in this way.
+void write_text(const std::filesystem::path& target, const std::string& text);
 
 }  // namespace usct

@@ -1,9 +1,9 @@
 #include "us_ct_registration/evaluation/study_report.h"
 
 #include "evaluation/study_run_json.h"
-#include "io/bytes.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/beam_grid.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 
 namespace usct {
@@ -111,14 +111,14 @@ void write_study_json(const StudyPlan& plan, const std::vector<StudyRun>& runs,
     json["profiles"].push_back(profile_json(profile));
   json["runs"] = Json::array();
   for (const StudyRun& run : runs) json["runs"].push_back(run_json(run));
-  io::write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
 void write_study_report(const StudyPlan& plan, const std::vector<StudyRun>& runs,
                         const StudyExtras& extras, const std::filesystem::path& folder) {
   const Study& study = plan.study;
-  io::write_text(folder / "tables.md", tables_markdown(result_tables(study, runs)));
-  io::write_text(folder / "costs.md", tables_markdown({costs_table(study, runs)}));
+  write_text(folder / "tables.md", tables_markdown(result_tables(study, runs)));
+  write_text(folder / "costs.md", tables_markdown({costs_table(study, runs)}));
   write_study_json(plan, runs, extras, folder / "study.json");
 }
 

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 
@@ -87,6 +88,15 @@ void write_atomically(const fs::path& target,
   fs::rename(temporary.path(), target, error);
   if (error) throw std::runtime_error(target.string() + ": rename failed: " + error.message());
   flush_to_disk(folder, O_RDONLY | O_DIRECTORY);
+}
+
+void write_text(const fs::path& target, const std::string& text) {
+  write_atomically(target, [&](const fs::path& temporary) {
+    std::ofstream file(temporary, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file) throw std::runtime_error(target.string() + ": writing failed");
+  });
 }
 
 }  // namespace usct

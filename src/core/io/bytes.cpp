@@ -65,8 +65,4 @@ void write_bytes(const fs::path& target, const Bytes& bytes) {
   });
 }
 
-void write_text(const fs::path& target, const std::string& text) {
-  write_bytes(target, Bytes(text.begin(), text.end()));
-}
-
 }  // namespace usct::io

@@ -26,7 +26,6 @@ void read_bytes_into(const std::filesystem::path& path, std::uintmax_t offset, v
 
 /// Writes `target` atomically. Throws as `write_atomically`.
 void write_bytes(const std::filesystem::path& target, const Bytes& bytes);
-void write_text(const std::filesystem::path& target, const std::string& text);
 
 /// Product of sizes from a file, which may be wrong. Throws InputError, naming `field`, if a factor
 /// is < 1 or the product exceeds 2^62.

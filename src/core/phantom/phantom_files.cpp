@@ -1,9 +1,9 @@
 #include "us_ct_registration/phantom/phantom_files.h"
 
-#include <fstream>
 #include <set>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
@@ -14,13 +14,6 @@ namespace usct::phantom {
 namespace {
 
 namespace fs = std::filesystem;
-
-void write_text(const fs::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text << '\n';
-  out.close();
-  if (!out) throw std::runtime_error("cannot write " + path.string());
-}
 
 void write_files(const PhantomCase& phantom, const fs::path& folder, const std::string& extension) {
   const PhantomTruth& truth = phantom.truth;
@@ -34,7 +27,7 @@ void write_files(const PhantomCase& phantom, const fs::path& folder, const std::
     write_points_mm(truth.fiducials_us_mm, folder / "fiducials.csv");
     write_points_mm(truth.fiducials_ct_mm, folder / "fiducials_ct.csv");
   }
-  write_text(folder / "phantom.json", describe_json(phantom));
+  write_text(folder / "phantom.json", describe_json(phantom) + '\n');
 }
 
 }  // namespace

@@ -1,3 +1,4 @@
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -137,10 +138,12 @@ int run_read(const BagReadCommand& command) {
 }
 
 nlohmann::ordered_json describe(const msg::PreScanVolume& volume) {
-  const char* kinds[] = {"unknown", "motorised_curvilinear", "tracked_curvilinear",
-                         "tracked_linear"};
+  constexpr std::array kKinds = {"unknown", "motorised_curvilinear", "tracked_curvilinear",
+                                 "tracked_linear"};
   nlohmann::ordered_json sweep;
-  sweep["geometry"] = kinds[volume.geometry.type];
+  // Of a damaged bag it may be any number.
+  const std::size_t type = volume.geometry.type;
+  sweep["geometry"] = kKinds[type < kKinds.size() ? type : 0];
   sweep["samples_lines_frames"] = {volume.samples, volume.lines, volume.frames};
   sweep["frame_id"] = volume.header.frame_id;
   sweep["acquired_s"] = volume.header.stamp.toSec();

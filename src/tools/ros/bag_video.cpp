@@ -70,6 +70,11 @@ void write_video(const Images& images, const fs::path& path) {
       if (pixels.size() != size) throw InputError(path.string(), "the images differ in size");
       writer.write(pixels);
     }
+    writer.release();
+    // The writer does not say whether the disk took all of it.
+    const cv::VideoCapture written(temporary.string(), cv::CAP_OPENCV_MJPEG);
+    if (static_cast<std::size_t>(written.get(cv::CAP_PROP_FRAME_COUNT)) != images.size())
+      throw std::runtime_error(path.string() + ": writing failed");
   });
 }
 

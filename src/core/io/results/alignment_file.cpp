@@ -102,12 +102,7 @@ void write_alignment(const StoredAlignment& stored, const fs::path& path) {
       {"decided_result_crc32", stored.decided},
       {"alignment", stored.alignment ? to_json(*stored.alignment) : UnorderedJson(nullptr)}};
   const UnorderedJson json = {{"content", content}, {"crc32", checksum(content)}};
-  write_atomically(path, [&](const fs::path& temporary) {
-    std::ofstream file(temporary);
-    file << json.dump(2) << "\n";
-    file.close();
-    if (!file) throw std::runtime_error(path.string() + ": write failed");
-  });
+  write_text(path, json.dump(2) + "\n");
 }
 
 }  // namespace usct

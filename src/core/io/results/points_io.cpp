@@ -5,6 +5,7 @@
 #include "io/bytes.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
 
 namespace usct {
 
@@ -40,7 +41,7 @@ void write_points_mm(const std::vector<Eigen::Vector3d>& points_mm,
     if (!p.allFinite()) throw InputError(path.string(), "a point to write is not finite");
     text += format_double(p.x()) + "," + format_double(p.y()) + "," + format_double(p.z()) + "\n";
   }
-  io::write_text(path, text);
+  write_text(path, text);
 }
 
 }  // namespace usct

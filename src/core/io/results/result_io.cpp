@@ -4,6 +4,7 @@
 #include "io/json_members.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
+#include "us_ct_registration/io/atomic_file.h"
 
 namespace usct {
 namespace {
@@ -98,7 +99,7 @@ std::string result_json(const RegistrationResult& result, const std::string& sou
 }
 
 void write_result(const RegistrationResult& result, const std::filesystem::path& path) {
-  io::write_text(path, result_json(result, path.string()));
+  write_text(path, result_json(result, path.string()));
 }
 
 }  // namespace usct

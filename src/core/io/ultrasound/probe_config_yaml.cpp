@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/bytes.h"
 #include "io/description.h"
 #include "io/yaml_keys.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/ultrasound/probe_config.h"
 
 namespace usct {
@@ -174,7 +174,7 @@ void write_probe_config(const ProbeConfig& probe, const std::filesystem::path& p
   write_array(probe.array, yaml);
   if (probe.motor) write_motor(*probe.motor, yaml);
   write_sampling(probe.sampling, yaml);
-  io::write_text(path, yaml.text());
+  write_text(path, yaml.text());
 }
 
 std::string describe_probe_config(const std::filesystem::path& path) {
