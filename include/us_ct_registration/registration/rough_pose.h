@@ -22,8 +22,8 @@ struct ProbeDirection {
 ProbeDirection parse_probe_direction(const std::vector<std::string>& words,
                                      const std::string& source);
 
-/// Initial pose of a search over all poses: the probe looks in the given direction, and the centre
-/// of the CT lies at the centre of the ultrasound. `T_us_ct`, mm.
+/// Initial pose where none is known, as for the preset `global`: the probe looks in the given
+/// direction, and the centre of the CT lies at the centre of the ultrasound. `T_us_ct`, mm.
 Eigen::Isometry3d rough_pose(const Grid& ct, const BeamGrid& beams,
                              const ProbeDirection& direction);
 

@@ -68,8 +68,8 @@ void write_ultrasonix(const UltrasonixSequence& sequence, const std::filesystem:
 /// One sweep out of a recording of a motorised probe.
 struct SweepSelection {
   int index = 0;
-  /// Number of frames per sweep; 0: all frames are one sweep. Frames after the last whole sweep are
-  /// left out.
+  /// Number of frames per sweep, which must divide the frames of the recording; 0: all frames are
+  /// one sweep.
   int frames_per_sweep = 0;
   /// Whether the first sweep runs against the probe's frame angles; sweeps alternate direction.
   bool first_backward = false;
@@ -77,8 +77,8 @@ struct SweepSelection {
 
 /// One sweep of a motorised probe. Frames stay in the order of recording: a backward sweep has its
 /// motor angles in reverse order. `source` names the data in messages. Throws InputError as
-/// `motorised_geometry`, or if the type is not 2, the sweep does not exist, or the sampling
-/// frequency is needed and not within 0.1-100 MHz.
+/// `motorised_geometry`, or if the type is not 2, the frames are not whole sweeps, the sweep does
+/// not exist, or the sampling frequency is needed and not within 0.1-100 MHz.
 PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& probe,
                          const SweepSelection& selection, const std::string& source);
 
