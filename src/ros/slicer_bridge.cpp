@@ -27,7 +27,7 @@ const std::string kCommand = "command";
 const std::string kCtLandmarks = "ct_landmarks";
 const std::string kUsLandmarks = "us_landmarks";
 
-/// A registration that searches all poses may take a minute.
+/// A registration that searches all orientations may take a minute.
 constexpr ServiceCalls::Seconds kCallLimit(120.0);
 
 }  // namespace

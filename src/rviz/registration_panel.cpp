@@ -29,7 +29,7 @@ using Seconds = ServiceCalls::Seconds;
 
 /// Decisions take a fraction of a second; tf_publisher answers once tf shows them.
 constexpr Seconds kDecisionLimit(10.0);
-/// A search over all poses may take a minute.
+/// A search in all orientations may take a minute.
 constexpr Seconds kRegistrationLimit(600.0);
 /// The nodes speak once a second.
 constexpr double kSilenceS = 5.0;
