@@ -25,7 +25,7 @@ void image_to_overlay(benchmark::State& state) {
   std::map<int, Surface> surfaces;
   for (const OverlayStructure& one : bench::kidney_scene())
     surfaces[static_cast<int>(surfaces.size()) + 1] = *one.surface;
-  keeper.take_surface(to_markers(surfaces, {{2, {"tumour", {}}}}, "ct"));
+  keeper.take_surface(to_markers(surfaces, {{2, {"tumour", {}}}}, "ct", 0));
   keeper.take_info({});
   us_ct_registration::Alignment alignment;
   alignment.state = us_ct_registration::Alignment::ACCEPTED;

@@ -13,7 +13,7 @@ import tf2_ros
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from tf2_msgs.msg import TFMessage
 from us_ct_registration.msg import Alignment, CtInfo, CtVolume, PreScanVolume, RegistrationResult, StatusCode
-from us_ct_registration.srv import (Decide, LoadCt, SetCtRoi, SetInitialAlignment, SetInitialAlignmentRequest)
+from us_ct_registration.srv import (Decide, DecideRequest, LoadCt, SetCtRoi, SetInitialAlignment, SetInitialAlignmentRequest)
 
 import mutations
 from demo_client import matrix_of, quaternion_of
@@ -270,7 +270,7 @@ class Session:
         until = time.time() + 90.0
         while time.time() < until:
             if self.plan["restore"] == "confirm":
-                call("/registration/accept", Decide, 0, limit_s=5.0)
+                call("/registration/accept", Decide, DecideRequest.KEPT, limit_s=5.0)
             if self.alignment is not None and self.alignment.state == Alignment.RESTORED:
                 break
             time.sleep(0.3)

@@ -12,7 +12,6 @@ import signal
 import sys
 import threading
 import time
-import zlib
 
 import numpy
 import rosbag
@@ -47,13 +46,13 @@ def make_anatomy(data, seed):
     name = f"agar{seed}"
     case = data / name
     usct("phantom", "--scene", "agar", "--seed", seed, "--size", *SIZE, "--quiet", "--output", case)
-    voxels = (case / "ct.nrrd").read_bytes().split(b"\n\n", 1)[1]
     targets = numpy.loadtxt(case / "targets_ct.csv", delimiter=",", skiprows=1)
     bag = case / "sweep.bag"
-    usct("bag", "write", "--us", case / "us.nrrd", "--output", bag)
+    usct("bag", "write", "--us", case / "us.nrrd", "--ct", case / "ct.nrrd", "--output", bag)
     with rosbag.Bag(str(bag)) as recorded:
         frames = [message for _, message, _ in recorded.read_messages(topics=["/us/frames"])]
-    anatomy = ledger.Anatomy(name, transform(case / "truth.tfm"), zlib.crc32(voxels), targets)
+        (ct_crc32,) = (message.crc32 for _, message, _ in recorded.read_messages(topics=["/ct/volume"]))
+    anatomy = ledger.Anatomy(name, transform(case / "truth.tfm"), ct_crc32, targets)
     # The messages of a bag are of classes that rosbag has made.
     return anatomy, [session.mutations.raw_frame(frame) for frame in frames]
 

@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "ros/conversions/alignment.h"
+#include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -38,12 +40,12 @@ AlignmentBroadcaster::AlignmentBroadcaster(const ::ros::NodeHandle& node, const 
       node_(with_queue(node, guarded_)),
       spinner_(1, &queue_) {
   timer_ = node_.createTimer(::ros::Duration(1.0 / options.rate_hz),
-                             [this](const ::ros::TimerEvent&) { broadcast(false); });
+                             guarded([this](const ::ros::TimerEvent&) { broadcast(false); }));
   // The timer above follows simulated time, which stands still once a bag has ended. Late
   // subscribers must get the transform as well.
-  still_clock_timer_ =
-      node_.createWallTimer(::ros::WallDuration(1.0),
-                            [this](const ::ros::WallTimerEvent&) { broadcast_if_clock_stands(); });
+  still_clock_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(1.0),
+      guarded([this](const ::ros::WallTimerEvent&) { broadcast_if_clock_stands(); }));
   spinner_.start();
 }
 
@@ -74,7 +76,7 @@ void AlignmentBroadcaster::broadcast(bool clock_stands) {
   const ::ros::Time now = ::ros::Time::now();
   if (now.isZero()) return;  // simulated time has not begun
   if (now < last_now_) {
-    ROS_WARN("time jumped back by %.3f s", (last_now_ - now).toSec());
+    ROS_WARN("time jumped back by %.3f s", seconds_between(now, last_now_));
     last_stamp_ = ::ros::Time();  // listeners forget what they have
     is_new_ = true;
   }

@@ -11,6 +11,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/subgrid.h"
@@ -59,6 +60,17 @@ std::string part_text(const LoadedCt& ct) {
   return ct.volume.grid.size == whole ? "" : " of " + size_text(whole) + " (ct/roi)";
 }
 
+/// Receivers close the connection at a message of 1e9 bytes; a triangle of ct/surface has 72.
+void require_sendable(const std::map<int, Surface>& surfaces, const std::string& labels) {
+  constexpr std::size_t kMostTriangles = 13'000'000;
+  std::size_t triangles = 0;
+  for (const auto& [label, surface] : surfaces) triangles += surface.triangles.size();
+  if (triangles > kMostTriangles)
+    throw InputError(labels, "its " + std::to_string(surfaces.size()) + " surfaces have " +
+                                 std::to_string(triangles) + " triangles together, must have <= " +
+                                 std::to_string(kMostTriangles) + ": set surface_triangles lower");
+}
+
 }  // namespace
 
 CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
@@ -93,14 +105,14 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   get_server_ = node_.advertiseService("ct/get_volume", &CtServer::on_get, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("CT", this, &CtServer::diagnose);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
   // The constructor must not read the CT: it would block a nodelet's manager for seconds.
   if (!path.empty())
     first_load_timer_ = node_.createWallTimer(
         ::ros::WallDuration(0.001),
-        [this, path, labels](const ::ros::WallTimerEvent&) { load(path, labels); }, true);
+        guarded([this, path, labels](const ::ros::WallTimerEvent&) { load(path, labels); }), true);
 }
 
 fs::path CtServer::resolve(const std::string& given, const std::string& field) const {
@@ -145,6 +157,7 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
   if (loaded.has_labels) {
     const LabelVolume volume = read_labels(labels, loaded.ct.whole_grid);
     loaded.surfaces = label_surfaces(volume, surface_triangles_);
+    require_sendable(loaded.surfaces, labels);
     if (const std::string warning = border_warning(volume, label_table_); !warning.empty())
       loaded.ct.warnings.push_back(warning);
     for (const auto& [label, surface] : loaded.surfaces)
@@ -216,6 +229,12 @@ void CtServer::hold(const Loaded& loaded) {
   if (loaded.has_labels)
     for (const auto& [label, surface] : loaded.surfaces)
       info.labels.push_back(label_text(label, label_table_));
+  // All is made before any of it counts.
+  const LabelTable no_labels{{0, {"surface", std::nullopt}}};
+  const auto surfaces = boost::make_shared<const visualization_msgs::MarkerArray>(to_markers(
+      loaded.surfaces, loaded.has_labels ? label_table_ : no_labels, ct_frame_, volume->crc32));
+  const sensor_msgs::PointCloud2 points = to_points(loaded.surfaces, ct_frame_);
+  const pcl_msgs::PolygonMesh mesh = to_mesh(loaded.surfaces, ct_frame_);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     volume_ = volume;
@@ -226,11 +245,9 @@ void CtServer::hold(const Loaded& loaded) {
   // The summary is sent first, so that tf_publisher knows the CT before it gets a result for it.
   info_publisher_.publish(info);
   volume_publisher_.publish(volume);
-  const LabelTable no_labels{{0, {"surface", std::nullopt}}};
-  surface_publisher_.publish(
-      to_markers(loaded.surfaces, loaded.has_labels ? label_table_ : no_labels, ct_frame_));
-  points_publisher_.publish(to_points(loaded.surfaces, ct_frame_));
-  mesh_publisher_.publish(to_mesh(loaded.surfaces, ct_frame_));
+  surface_publisher_.publish(surfaces);
+  points_publisher_.publish(points);
+  mesh_publisher_.publish(mesh);
 }
 
 bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {

@@ -10,6 +10,7 @@
 #include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/fixed_frame.h"
+#include "ros/guarded_queue.h"
 #include "ros/refusal.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -45,9 +46,9 @@ FusionViewNode::FusionViewNode(const ::ros::NodeHandle& node, const ::ros::NodeH
   subscribe();
   diagnostics_.setHardwareID("none");
   diagnostics_.add("view", this, &FusionViewNode::diagnose);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
   thread_ = std::thread([this] { run(); });
 }
 

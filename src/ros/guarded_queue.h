@@ -23,10 +23,23 @@ class GuardedQueue : public ::ros::CallbackQueueInterface {
   ::ros::CallbackQueueInterface& queue_;
 };
 
-/// The node handle with another queue.
-::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueueInterface& queue);
-
 /// Says in the log that `what` was stopped by an exception.
 void log_escaped(const char* what, const std::exception& error);
+
+/// A timer's callback that logs what it would let out. A GuardedQueue is not enough for a timer:
+/// ROS schedules it again only once its callback has returned.
+template <typename Callback>
+auto guarded(Callback callback) {
+  return [callback](const auto& event) {
+    try {
+      callback(event);
+    } catch (const std::exception& error) {
+      log_escaped("a timer", error);
+    }
+  };
+}
+
+/// The node handle with another queue.
+::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueueInterface& queue);
 
 }  // namespace usct::ros_interface

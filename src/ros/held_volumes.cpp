@@ -69,8 +69,11 @@ bool is_older(const HeldUltrasound& us, const HeldCt& ct) {
 }
 
 void HeldVolumes::set_time(const ::ros::Time& now) {
-  if (now < last_now_) epoch_ = {epoch_.number + 1, now};
-  last_now_ = now;
+  if (ran_back(now, last_now_)) {
+    epoch_ = {epoch_.number + 1, now};
+    last_now_ = now;
+  }
+  last_now_ = std::max(last_now_, now);
 }
 
 void HeldVolumes::notice_time(const ::ros::Time& now) {
@@ -260,6 +263,10 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                            [&](const Entry& one) { return one.number >= number; });
     return entry->settled;
   });
+  if (!stamp.isZero() && entry->header.stamp != stamp)
+    throw Refusal(Status::NO_ULTRASOUND,
+                  "the ultrasound with the stamp " + seconds_text(stamp) +
+                      " was given up for newer volumes while it waited for tf (volumes_kept)");
   if (entry->refusal) throw UltrasoundRefusal(*entry->refusal, entry->header);
   return entry->volume;
 }

@@ -49,7 +49,7 @@ InitialAlignments::InitialAlignments(const FixedFrame& frame,
     : frame_(frame), from_parameters_(std::move(from_parameters)) {}
 
 double InitialAlignments::set(
-    const SetRequest& request, std::uint64_t now_ms, const HeldCt* ct,
+    const SetRequest& request, const HeldCt* ct,
     const std::function<std::shared_ptr<const HeldUltrasound>()>& newest) {
   std::optional<FramedAlignment> anchored;
   double residual_m = 0.0;
@@ -69,14 +69,16 @@ double InitialAlignments::set(
   const std::lock_guard<std::mutex> lock(mutex_);
   set_ = anchored;
   set_for_ = ct ? std::optional(identity_of(*ct)) : std::nullopt;
-  set_at_ms_ = now_ms;
+  used_since_ms_.reset();
   return residual_m;
 }
 
 void InitialAlignments::arrived(const msg::Alignment::ConstPtr& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
   accepted_ = message;
-  if (message->state == msg::Alignment::ACCEPTED && message->result_id > set_at_ms_) set_.reset();
+  if (message->state == msg::Alignment::ACCEPTED && used_since_ms_ &&
+      message->result_id > *used_since_ms_)
+    set_.reset();
 }
 
 std::string InitialAlignments::policy() const {
@@ -102,7 +104,11 @@ std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound
 
 std::optional<InitialAlignment> InitialAlignments::choose(
     const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-    const HeldCt& ct) {
+    const HeldCt& ct, std::uint64_t now_ms) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!used_since_ms_) used_since_ms_ = now_ms;
+  }
   if (of_goal) {
     const Isometry3d T =
         transform_mm(of_goal->transform, "goal: 'initial.transform'", Status::INVALID_REQUEST);

@@ -44,21 +44,22 @@ class InitialAlignments {
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
   /// which `newest` returns or refuses; `newest` is called only if the request's frame is not the
   /// fixed one. It is that of `ct`, or, if that is null, of the CT for which it is chosen first.
-  /// `now_ms` is the time as in the results' numbers. Returns the residual between landmarks, m.
-  /// Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then nothing changes.
-  double set(const us_ct_registration::SetInitialAlignment::Request& request, std::uint64_t now_ms,
-             const HeldCt* ct,
+  /// It counts until a result is accepted of a registration that began after it was set. Returns
+  /// the residual between landmarks, m. Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then
+  /// nothing changes.
+  double set(const us_ct_registration::SetInitialAlignment::Request& request, const HeldCt* ct,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
   /// Policy of tf_publisher; empty until an alignment has arrived.
   std::string policy() const;
 
-  /// Pose of the first source that has one; empty if none has. Refuses with TF_UNAVAILABLE,
-  /// INVALID_REQUEST (`of_goal`) or INVALID_MESSAGE.
+  /// Pose of the first source that has one; empty if none has, for a registration that begins at
+  /// `now_ms`, a time as in the results' numbers. Refuses with TF_UNAVAILABLE, INVALID_REQUEST
+  /// (`of_goal`) or INVALID_MESSAGE.
   std::optional<InitialAlignment> choose(
       const std::optional<geometry_msgs::TransformStamped>& of_goal, const HeldUltrasound& us,
-      const HeldCt& ct);
+      const HeldCt& ct, std::uint64_t now_ms);
 
  private:
   /// What tells one CT from another: its frame and its checksum.
@@ -75,7 +76,9 @@ class InitialAlignments {
   mutable std::mutex mutex_;
   std::optional<FramedAlignment> set_;
   std::optional<CtIdentity> set_for_;
-  std::uint64_t set_at_ms_ = 0;
+  /// When the first registration began after it was set; unset: none has. An accepted result of
+  /// one that began before does not end it.
+  std::optional<std::uint64_t> used_since_ms_;
   us_ct_registration::Alignment::ConstPtr accepted_;
 };
 

@@ -48,10 +48,11 @@ int run_node(int argc, char** argv, const std::string& name) {
   ::ros::NodeHandle private_node("~");
   try {
     constexpr unsigned kThreads = 4;
-    ::ros::AsyncSpinner spinner(kThreads);
     GuardedQueue queue(*node.getCallbackQueue());
     const Started started =
         kStarts.at(name)(with_queue(node, queue), with_queue(private_node, queue));
+    // It ends first, and waits for callbacks that still use the node.
+    ::ros::AsyncSpinner spinner(kThreads);
     spinner.start();
     ::ros::waitForShutdown();
   } catch (const std::exception& error) {

@@ -109,7 +109,7 @@ void Registrar::collect(const RegistrationRequest& request, Inputs& inputs) {
 
 void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs) const {
   const std::optional<InitialAlignment> known =
-      alignments_.choose(request.initial, *inputs.us, *inputs.ct);
+      alignments_.choose(request.initial, *inputs.us, *inputs.ct, wall_time_ms());
   if (known) {
     inputs.start = *known;
     return;

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/publisher_check.h"
 #include "ros/refusal.h"
 #include "ros/status.h"
@@ -21,11 +22,6 @@ using Status = msg::StatusCode;
 constexpr unsigned kCallbackThreads = 4;
 
 /// Simulated time may jump back, and begins anew with each bag.
-std::uint64_t wall_time_ms() {
-  constexpr std::uint64_t kNsPerMs = 1'000'000;
-  return ::ros::WallTime::now().toNSec() / kNsPerMs;
-}
-
 template <typename Message>
 ExpectedTopic expected_topic(const ::ros::NodeHandle& node, const char* topic) {
   return {node.resolveName(topic), ::ros::message_traits::datatype<Message>(),
@@ -58,9 +54,9 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
       spinner_(kCallbackThreads, &queue_) {
   updater_.setHardwareID("none");
   updater_.add("registration", this, &RegistrationNode::diagnose);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(parameters_.diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { updater_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(parameters_.diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { updater_.force_update(); }));
   subscribe();
   action_.start();
   spinner_.start();
@@ -136,7 +132,7 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
   try {
     const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
     response.residual =
-        alignments_.set(request, wall_time_ms(), ct && volumes_.is_newest(*ct) ? ct.get() : nullptr,
+        alignments_.set(request, ct && volumes_.is_newest(*ct) ? ct.get() : nullptr,
                         [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");

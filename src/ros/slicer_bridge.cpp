@@ -10,6 +10,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
@@ -50,13 +51,13 @@ SlicerBridge::SlicerBridge(const ::ros::NodeHandle& node, const ::ros::NodeHandl
   serve(options);
   subscribe();
   timer_ = node_.createWallTimer(::ros::WallDuration(1.0 / rate_hz),
-                                 [this](const ::ros::WallTimerEvent&) {
+                                 guarded([this](const ::ros::WallTimerEvent&) {
                                    const std::lock_guard<std::mutex> lock(mutex_);
                                    tick();
-                                 });
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+                                 }));
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
 }
 
 void SlicerBridge::serve(const IgtlServerOptions& options) {

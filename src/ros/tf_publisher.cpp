@@ -8,6 +8,7 @@
 
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/parameters.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -73,18 +74,19 @@ TfPublisher::TfPublisher(const ::ros::NodeHandle& node, const ::ros::NodeHandle&
   subscribe();
   constexpr double kTfPeriodS = 0.05;
   tf_timer_ = node_.createWallTimer(::ros::WallDuration(kTfPeriodS),
-                                    [this](const ::ros::WallTimerEvent&) { check_tf(); });
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+                                    guarded([this](const ::ros::WallTimerEvent&) { check_tf(); }));
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
   pose_timer_ =
-      node_.createWallTimer(::ros::WallDuration(1.0), [this](const ::ros::WallTimerEvent&) {
-        const std::lock_guard<std::mutex> lock(mutex_);
-        publish_pose(decisions_.state());
-      });
+      node_.createWallTimer(::ros::WallDuration(1.0), guarded([this](const ::ros::WallTimerEvent&) {
+                              const std::lock_guard<std::mutex> lock(mutex_);
+                              publish_pose(decisions_.state());
+                            }));
 }
 
 void TfPublisher::advertise() {
+  static_assert(+Decide::Request::KEPT == AlignmentDecisions::kKept);
   alignment_publisher_ = node_.advertise<msg::Alignment>("registration/alignment", 1, true);
   proposed_publisher_ = node_.advertise<msg::Alignment>("registration/proposed", 1, true);
   // These two are not latched: nobody could take a latched pose back once it holds no more.
@@ -195,7 +197,9 @@ void TfPublisher::on_result(const msg::RegistrationResultConstPtr& result) {
 
 void TfPublisher::await_result(std::uint64_t result_id) {
   std::unique_lock<std::mutex> lock(mutex_);
-  result_came_.wait_for(lock, kOnItsWay, [&] { return result_id <= newest_id_; });
+  result_came_.wait_for(lock, kOnItsWay, [&] {
+    return result_id <= newest_id_ || result_id == AlignmentDecisions::kKept;
+  });
 }
 
 void TfPublisher::take(const msg::RegistrationResult& result) {

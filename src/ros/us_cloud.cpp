@@ -8,6 +8,7 @@
 #include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/fixed_frame.h"
+#include "ros/guarded_queue.h"
 #include "ros/parameters.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/probe_motion.h"
@@ -49,9 +50,9 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   result_subscriber_ = node_.subscribe("registration/result", 1, &UsCloud::take_result, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("clouds", this, &UsCloud::diagnose);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
 }
 
 Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
@@ -182,10 +183,15 @@ std::string UsCloud::cloud_frame() const {
   return fixed_frame_.empty() && shown_ ? shown_->header.frame_id : fixed_frame_;
 }
 
+bool UsCloud::has_surface_of(std::uint32_t ct_crc32) const {
+  return surface_ && ct_crc32_of(*surface_).value_or(ct_crc32) == ct_crc32;
+}
+
 void UsCloud::show_proposed() {
   visualization_msgs::MarkerArray markers = placed({}, cloud_frame(), std::nullopt, 0.0);
   const bool is_of_another_ct = ct_ && proposed_ && proposed_->ct_crc32 != ct_crc32_;
-  if (surface_ && proposed_ && proposed_->T_fixed_ct && !is_of_another_ct) {
+  if (proposed_ && proposed_->T_fixed_ct && !is_of_another_ct &&
+      has_surface_of(proposed_->ct_crc32)) {
     ProposedAlignment shown{proposed_->fixed_frame, *proposed_->T_fixed_ct, proposed_->message, {}};
     if (shown_ && shown_->header.frame_id == shown.frame) shown.text_mm = shown_->above_mm;
     markers = proposed_markers(*surface_, shown, surface_alpha_);
@@ -194,10 +200,12 @@ void UsCloud::show_proposed() {
 }
 
 void UsCloud::show_aligned() {
-  if (surface_ && placement_)
-    surface_publisher_.publish(
-        placed(*surface_, placement_->T_fixed_ct ? placement_->fixed_frame : cloud_frame(),
-               placement_->T_fixed_ct, surface_alpha_));
+  if (surface_ && placement_) {
+    const bool is_shown = placement_->T_fixed_ct && has_surface_of(placement_->ct_crc32);
+    surface_publisher_.publish(placed(*surface_, is_shown ? placement_->fixed_frame : cloud_frame(),
+                                      is_shown ? placement_->T_fixed_ct : std::nullopt,
+                                      surface_alpha_));
+  }
   if (!shown_) return;
   std::vector<CloudPoint> points;
   if (ct_ && placement_ && placement_->T_fixed_ct && placement_->ct_crc32 == ct_crc32_ &&
@@ -216,10 +224,11 @@ void UsCloud::show_refused() try {
         shown_->T_cloud_us *
         from_message_mm(refused_->candidates.front().transform, result_subscriber_.getTopic());
     points = ct_at(shown_->fans, *ct_, T_cloud_ct.inverse());
-    markers = refused_markers(surface_ ? *surface_ : visualization_msgs::MarkerArray(),
-                              {shown_->header.frame_id, T_cloud_ct, refused_->status.message,
-                               shown_->above_mm, shown_->below_mm},
-                              surface_alpha_);
+    markers = refused_markers(
+        has_surface_of(refused_->ct_crc32) ? *surface_ : visualization_msgs::MarkerArray(),
+        {shown_->header.frame_id, T_cloud_ct, refused_->status.message, shown_->above_mm,
+         shown_->below_mm},
+        surface_alpha_);
   }
   refused_ct_publisher_.publish(to_message(points, shown_->header));
   refused_surface_publisher_.publish(markers);

@@ -46,6 +46,8 @@ class UsCloud {
     Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
   };
   /// The last published pose of the CT, or the one that waits for a decision.
+  /// Whether there are surfaces, and they do not say that they are of another CT.
+  bool has_surface_of(std::uint32_t ct_crc32) const;
   struct Placement {
     std::string fixed_frame;
     std::string message;

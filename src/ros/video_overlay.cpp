@@ -6,6 +6,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/overlay/scene_topics.h"
 #include "us_ct_registration/error.h"
 
@@ -75,9 +76,9 @@ VideoOverlay::VideoOverlay(const ::ros::NodeHandle& node, const ::ros::NodeHandl
   diagnostics_.setHardwareID("none");
   sides_ = is_stereo_ ? std::vector<std::string>{"left", "right"} : std::vector<std::string>{""};
   for (const std::string& side : sides_) add_camera(side, painting_);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
 }
 
 /// The thread of each camera of a pair looks at the other camera.

@@ -3,6 +3,7 @@
 import gzip
 import io
 import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -162,7 +163,9 @@ class CtServer(unittest.TestCase):
                                       atol=1e-7)
         numpy.testing.assert_allclose(message.direction, DIRECTION.ravel(), atol=1e-6)
         numpy.testing.assert_array_equal(message.data, voxels.ravel())
-        self.assertEqual(message.crc32, zlib.crc32(voxels.tobytes()))
+        geometry = struct.pack("<3I15d", *message.size, *message.spacing, message.origin.x, message.origin.y,
+                               message.origin.z, *message.direction)
+        self.assertEqual(message.crc32, zlib.crc32(geometry, zlib.crc32(voxels.tobytes())))
 
     def check_load(self, **parameters):
         self.start(data_root=self.root, ct_frame="patient_ct", label_table=self.label_table(), **parameters)

@@ -89,9 +89,10 @@ class TestIntegration(unittest.TestCase):
         shutil.rmtree(self.folder)
 
     def crtk(self):
-        """The parameters of crtk_bridge with one target more, the first by name, of a structure that is not there."""
+        """The parameters of crtk_bridge with two targets more: of a structure that is not there, and of another CT."""
         parameters = yaml.safe_load((PROJECT / "config/nodes/crtk_bridge.yaml").read_text())
         parameters["targets"]["calyx"] = {"surface": "calyx"}
+        parameters["targets"]["of_another_ct"] = {"point": [0.1, 0.2, 0.3], "ct_crc32": "4294967295"}
         file = self.folder / "crtk_bridge.yaml"
         file.write_text(yaml.safe_dump(parameters))
         return file
@@ -140,8 +141,8 @@ class TestIntegration(unittest.TestCase):
         self.assertLess(measures["outline_mm"], 2.0)
 
     def targets_and_diagnostics_are_right(self):
-        found = self.recorded(self.bag, "/targets/tumour/measured_cp", "/targets/calyx/measured_cp", "/diagnostics",
-                              "/overlay/status")
+        found = self.recorded(self.bag, "/targets/tumour/measured_cp", "/targets/calyx/measured_cp",
+                              "/targets/of_another_ct/measured_cp", "/diagnostics", "/overlay/status")
         self.assertTrue(found["/targets/tumour/measured_cp"])
         T_arm_base = numpy.linalg.inv(Robot(self.case.robot_folder / "robot.urdf").pose("robot_base", "PSM1_base"))
         truth_m = moved(T_arm_base, moved(self.case.T_base_ct(), tumour_points(self.case.case)) / MM_PER_M).mean(axis=0)
@@ -158,6 +159,8 @@ class TestIntegration(unittest.TestCase):
         # A target that is not there is named, and leaves the others alone.
         self.assertFalse(found["/targets/calyx/measured_cp"])
         self.assertIn("'surface' is 'calyx', which ct/surface does not have", arms["targets"].message)
+        self.assertFalse(found["/targets/of_another_ct/measured_cp"])
+        self.assertIn("'ct_crc32' is 4294967295, but the CT that was aligned has", arms["targets"].message)
         for arm in ARMS:
             self.assertEqual(level_of(arms[arm]), OK, arms[arm].message)
             values = {v.key: v.value for v in arms[arm].values}
@@ -222,9 +225,10 @@ class TestIntegration(unittest.TestCase):
         for name, value, words in (("arms", {"PSM1": {**arm, "jonts": ["yaw"]}}, "arms/PSM1/jonts: is not a parameter"),
                                    ("arms", {"PSM1": {**arm, "joints": ["yaw"]}}, "must be those of the model"),
                                    ("arms", {"PSM1": {"base": "PSM1_base"}}, "arms/PSM1/tip: is ''"),
-                                   ("targets", {"calyx": {"point": [0.1, 0.2]}}, "must be a list of three numbers"),
+                                   ("targets", {"calyx": {"point": [0.1, 0.2], "ct_crc32": "7"}}, "must be a list of three numbers"),
+                                   ("targets", {"calyx": {"point": [0.1, 0.2, 0]}}, "targets/calyx/ct_crc32: is ''"),
                                    ("targets", {"calyx": {"surface": ""}}, "targets/calyx/surface: is empty"),
-                                   ("targets", {"calyx": {"point": [0, 1, "x"]}}, "targets/calyx/point: is x, must be a number"),
+                                   ("targets", {"calyx": {"point": [0, 1, "x"], "ct_crc32": "7"}}, "targets/calyx/point: is x, must be a number"),
                                    ("max_age", -1.0, "must be in [0.001, 60]")):
             run(["rosparam", "set", f"/wrong/{name}", yaml.safe_dump(value)], self.system.environment)
             (node,) = roslib.packages.find_node(PACKAGE, "crtk_bridge")

@@ -195,7 +195,7 @@ class TfPublisher(TfPublisherCase):
         self.assertIn("waits for its CT or accept", message.message)
         self.hold_ct(OTHER_CT_CRC32)
         self.alignment.wait(lambda m: "another CT" in m.message, "the other CT to be seen")
-        self.assertEqual(self.decide("accept").code, StatusCode.INVALID_REQUEST)
+        self.assertEqual(self.decide_on_kept("accept").code, StatusCode.INVALID_REQUEST)
         self.assertIsNone(self.tf_at(rospy.Time.now()))
         self.hold_ct(CT_CRC32)
         message = self.wait_state(Alignment.RESTORED)
@@ -225,7 +225,8 @@ class TfPublisher(TfPublisherCase):
         self.alignment.wait(lambda m: m.message.endswith("waits for accept"), "it to wait")
         time.sleep(0.5)  # the CT's latched summary arrives meanwhile
         self.assertEqual(self.alignment.message.state, Alignment.NONE)
-        self.assertEqual(self.decide("accept").code, StatusCode.OK)
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+        self.assertEqual(self.decide_on_kept("accept").code, StatusCode.OK)
         self.wait_state(Alignment.RESTORED)
         self.wait_tf(0.25)
         process.kill()

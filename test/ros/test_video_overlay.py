@@ -118,6 +118,8 @@ class VideoOverlay(unittest.TestCase):
 
     def show_surfaces(self, *markers):
         markers = markers or (square(1, "kidney", 0.02), square(2, "tumour", 0.01, -0.005, (0.0, 1.0, 0.0)))
+        for marker in markers:
+            marker.header.frame_id = self.ct
         self.surface.publish(MarkerArray(markers=[deleting(), *markers]))
 
     def transform(self, child, stamp, x, z):
@@ -321,6 +323,7 @@ class VideoOverlay(unittest.TestCase):
         broken.points.pop()
         self.show_surfaces(broken)
         wait_for(lambda: "must have three per triangle" in self.processes[0].log(), "the broken surface to be refused")
+        self.refused("no surfaces of the CT")
 
     def test_alignment(self):
         self.start(old_after=600.0)

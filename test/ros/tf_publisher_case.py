@@ -12,7 +12,7 @@ import tf2_ros
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Transform
 from us_ct_registration.msg import Alignment, CtInfo, RegistrationResult, StatusCode
-from us_ct_registration.srv import Decide
+from us_ct_registration.srv import Decide, DecideRequest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from node_under_test import Newest, Process, call, wait_for
@@ -137,6 +137,9 @@ class TfPublisherCase(unittest.TestCase):
 
     def decide(self, verb, number=0):
         return call(f"{self.namespace}/registration/{verb}", Decide, self.ids.get(number, number)).status
+
+    def decide_on_kept(self, verb):
+        return call(f"{self.namespace}/registration/{verb}", Decide, DecideRequest.KEPT).status
 
     def wait_state(self, state, result_id=None):
         return self.alignment.wait(

@@ -150,8 +150,11 @@ class AlignmentDecisions {
   /// kDone: the result is accepted, or waits for a decision. Otherwise kNotRegistered,
   /// kInvalidResult, or kNothingToDecide if this very result was decided last.
   DecisionAnswer offer(const OfferedResult& result, std::int64_t now_ns);
-  /// Accepts the result with this number; 0 accepts the one that waits or, if none does, the
-  /// alignment from before the restart or the suspended one.
+  /// In place of the number of a result: the alignment that was kept from before the restart, or
+  /// that is suspended. No result has this number, since numbers are times.
+  static constexpr std::uint64_t kKept = 1;
+  /// Accepts the result with this number; 0 accepts the one that waits, and nothing else: whoever
+  /// decides about the kept alignment must not accept a result that has come meanwhile.
   DecisionAnswer accept(std::uint64_t result_id, std::int64_t now_ns);
   DecisionAnswer reject(std::uint64_t result_id);
   /// Returns to the previous alignment, or to none. The message says what is broadcast then, or why

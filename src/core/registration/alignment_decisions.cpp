@@ -135,6 +135,15 @@ DecisionAnswer AlignmentDecisions::accept_waiting(std::int64_t now_ns) {
 
 DecisionAnswer AlignmentDecisions::wrong_id(std::uint64_t result_id,
                                             const std::string& verb) const {
+  if (result_id == 0) {
+    const bool is_kept = restored_waits() || (current_ && !suspended_because_.empty());
+    return {Code::kNothingToDecide,
+            "no result waits for a decision" +
+                (is_kept ? "; 1 stands for " + named(*current_) : std::string())};
+  }
+  if (result_id == kKept)
+    return {Code::kNothingToDecide,
+            "no alignment is kept from before a restart, and none is suspended"};
   const std::string asked = named(result_id) + " cannot be " + verb + ": ";
   if (waiting_)
     return {Code::kInvalidRequest, asked + named(waiting_->alignment.result_id) + " waits"};
@@ -151,16 +160,15 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
               named(waiting_->alignment.result_id) + " cannot be accepted: " + wrong};
     return accept_waiting(now_ns);
   }
-  if (result_id == 0 && restored_waits()) return accept_restored(now_ns);
+  if (result_id == kKept && restored_waits()) return accept_restored(now_ns);
   if (current_ && !suspended_because_.empty() &&
-      (result_id == 0 || result_id == current_->result_id)) {
+      (result_id == kKept || result_id == current_->result_id)) {
     if (is_other_than_held(current_->ct_crc32))
       return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
     suspended_because_.clear();
     return {Code::kDone, named(*current_) + " is in force again"};
   }
-  if (result_id != 0) return wrong_id(result_id, "accepted");
-  return {Code::kNothingToDecide, "no result waits for a decision"};
+  return wrong_id(result_id, "accepted");
 }
 
 DecisionAnswer AlignmentDecisions::accept_restored(std::int64_t now_ns) {
@@ -181,13 +189,12 @@ DecisionAnswer AlignmentDecisions::reject(std::uint64_t result_id) {
     waiting_.reset();
     return {Code::kDone, name + " is rejected"};
   }
-  if (result_id == 0 && restored_waits()) {
+  if (result_id == kKept && restored_waits()) {
     const std::string name = named(*current_);
     current_.reset();
     return {Code::kDone, name + " is rejected"};
   }
-  if (result_id != 0) return wrong_id(result_id, "rejected");
-  return {Code::kNothingToDecide, "no result waits for a decision"};
+  return wrong_id(result_id, "rejected");
 }
 
 DecisionAnswer AlignmentDecisions::revert() {

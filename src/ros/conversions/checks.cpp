@@ -34,18 +34,13 @@ std::uint32_t checksum(const std::vector<T>& data) {
   return static_cast<std::uint32_t>(crc32_z(0, bytes, data.size() * sizeof(T)));
 }
 
-template <typename T>
-void require_checksum(const std::vector<T>& data, std::uint32_t expected,
-                      const std::string& source) {
-  const std::uint32_t found = checksum(data);
+void require_checksum(std::uint32_t found, std::uint32_t expected, const std::string& source) {
   require(found == expected, source,
-          "the checksum of 'data' is " + std::to_string(found) + ", 'crc32' says " +
-              std::to_string(expected) + ": the voxels were damaged on their way");
+          "the checksum is " + std::to_string(found) + ", 'crc32' says " +
+              std::to_string(expected) + ": the message was damaged on its way");
 }
 
 template std::uint32_t checksum(const std::vector<std::uint8_t>&);
 template std::uint32_t checksum(const std::vector<std::int16_t>&);
-template void require_checksum(const std::vector<std::uint8_t>&, std::uint32_t, const std::string&);
-template void require_checksum(const std::vector<std::int16_t>&, std::uint32_t, const std::string&);
 
 }  // namespace usct::ros_interface

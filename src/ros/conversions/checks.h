@@ -28,8 +28,6 @@ void require_size(std::initializer_list<std::pair<const char*, std::uint32_t>> s
 template <typename T>
 std::uint32_t checksum(const std::vector<T>& data);
 
-template <typename T>
-void require_checksum(const std::vector<T>& data, std::uint32_t expected,
-                      const std::string& source);
+void require_checksum(std::uint32_t found, std::uint32_t expected, const std::string& source);
 
 }  // namespace usct::ros_interface

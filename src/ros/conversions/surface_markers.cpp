@@ -1,5 +1,7 @@
 #include "ros/conversions/surface_markers.h"
 
+#include <charconv>
+
 #include "ros/conversions/poses.h"
 #include "us_ct_registration/rendering/result_marks.h"
 
@@ -8,6 +10,8 @@ namespace {
 
 using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
+
+const std::string kOfCt = "surfaces of the CT with the crc32 ";
 
 constexpr double kTitleM = 0.010;  // height of letters
 constexpr double kReasonM = 0.005;
@@ -103,12 +107,25 @@ std::string in_lines(const std::string& text) {
 }  // namespace
 
 MarkerArray to_markers(const std::map<int, Surface>& surfaces, const LabelTable& labels,
-                       const std::string& frame) {
+                       const std::string& frame, std::uint32_t ct_crc32) {
   MarkerArray array;
   array.markers.push_back(deletes_all(frame));
+  array.markers.front().text = kOfCt + std::to_string(ct_crc32);
   for (const auto& [label, surface] : surfaces)
     array.markers.push_back(to_marker(label, surface, labels, frame));
   return array;
+}
+
+std::optional<std::uint32_t> ct_crc32_of(const MarkerArray& surfaces) {
+  for (const Marker& marker : surfaces.markers) {
+    if (marker.action != Marker::DELETEALL || marker.text.rfind(kOfCt, 0) != 0) continue;
+    std::uint32_t crc32 = 0;
+    const char* const begin = marker.text.data() + kOfCt.size();
+    const char* const end = marker.text.data() + marker.text.size();
+    const auto [last, error] = std::from_chars(begin, end, crc32);
+    if (error == std::errc() && last == end) return crc32;
+  }
+  return std::nullopt;
 }
 
 Eigen::AlignedBox3d box_mm(const Marker& marker, const std::string& source) {

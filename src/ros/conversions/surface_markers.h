@@ -3,6 +3,7 @@
 #include <visualization_msgs/MarkerArray.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -14,10 +15,14 @@
 namespace usct::ros_interface {
 
 /// A marker that deletes those of the previous CT, then a TRIANGLE_LIST per surface, with the label
-/// as its id, and name and colour of the table. The stamp is 0,
-/// because they are valid at any time.
+/// as its id, and name and colour of the table. The stamp is 0, because they are valid at any time.
+/// The `text` of the first marker says of which CT they are, by the CT's `crc32`.
 visualization_msgs::MarkerArray to_markers(const std::map<int, Surface>& surfaces,
-                                           const LabelTable& labels, const std::string& frame);
+                                           const LabelTable& labels, const std::string& frame,
+                                           std::uint32_t ct_crc32);
+
+/// The checksum of the CT whose surfaces they are; unset if they do not say.
+std::optional<std::uint32_t> ct_crc32_of(const visualization_msgs::MarkerArray& surfaces);
 
 /// The box around the points of a marker, in the marker's frame, mm. Throws InputError, naming
 /// `source`, if its pose is not rigid.

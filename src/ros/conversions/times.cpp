@@ -30,6 +30,11 @@ void require_stamped(const ::ros::Time& stamp, const ::ros::Time& now, const std
   require_not_ahead(stamp, now, source, "header.stamp");
 }
 
+std::uint64_t wall_time_ms() {
+  constexpr std::uint64_t kNsPerMs = 1'000'000;
+  return ::ros::WallTime::now().toNSec() / kNsPerMs;
+}
+
 std::string stamp_and_age(const ::ros::Time& stamp, const ::ros::Time& now) {
   if (stamp <= ::ros::TIME_MIN) return "before the clock began";
   return seconds_text(stamp) + " (" + seconds_text(seconds_between(stamp, now)) + " s ago)";

@@ -44,6 +44,16 @@ void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const s
 /// transform.
 void require_stamped(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source);
 
+/// Whether the clock ran back, by more than two threads may differ that read it one after the
+/// other.
+inline bool ran_back(const ::ros::Time& now, const ::ros::Time& before) {
+  constexpr double kThreadsS = 0.1;
+  return seconds_between(now, before) > kThreadsS;
+}
+
+/// Milliseconds since 1970 by the wall clock, as the ids of results are.
+std::uint64_t wall_time_ms();
+
 /// A stamp for what comes at `now`. Simulated time is 0 before it begins, which is no valid stamp;
 /// the least one is taken then, since all that comes later is newer.
 inline ::ros::Time valid_stamp(const ::ros::Time& now) { return std::max(now, ::ros::TIME_MIN); }

@@ -87,7 +87,7 @@ PreScanVolume from_message(const msg::PreScanVolume& message, const std::string&
   else
     geometry.motion = tracked_from_message(message, source);
   geometry.validate(source);
-  require_checksum(message.data, message.crc32, source);
+  require_checksum(checksum(message.data), message.crc32, source);
   volume.voxels = message.data;
   return volume;
 }

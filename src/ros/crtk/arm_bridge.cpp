@@ -83,14 +83,15 @@ void ArmBridge::refuse_pose(const std::string& problem) {
 
 /// A recording that is played again begins anew.
 void ArmBridge::notice_time(const ::ros::Time& now) {
-  if (now < last_now_) {
+  if (ran_back(now, last_now_)) {
+    last_now_ = now;
     measured_.clear();
     modelled_.clear();
     agreed_ = ::ros::Time();
     contradiction_.clear();
     report_.newest = ::ros::Time();
   }
-  last_now_ = now;
+  last_now_ = std::max(last_now_, now);
 }
 
 void ArmBridge::require_usable(const std_msgs::Header& header, const Track& before,

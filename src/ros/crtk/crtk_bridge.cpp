@@ -1,6 +1,7 @@
 #include "ros/crtk/crtk_bridge.h"
 
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -39,9 +40,9 @@ CrtkBridge::CrtkBridge(const ::ros::NodeHandle& node, const ::ros::NodeHandle& p
     targets_ = std::make_unique<TargetPublisher>(node_, parameters.targets);
     diagnostics_.add("targets", this, &CrtkBridge::diagnose_targets);
   }
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(parameters.diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(parameters.diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
 }
 
 void CrtkBridge::add_arm(const ArmBridgeOptions& options, const std::string& robot_description) {

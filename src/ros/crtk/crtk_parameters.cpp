@@ -1,5 +1,7 @@
 #include "ros/crtk/crtk_parameters.h"
 
+#include <charconv>
+
 #include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
 #include "ros/parameters.h"
@@ -40,6 +42,17 @@ class Entry {
     }
     return found;
   }
+  /// A checksum, which is written as a text: half of them exceed the integers of parameters.
+  std::uint32_t crc32(const std::string& key) {
+    const std::string found = text(key, "");
+    std::uint32_t value = 0;
+    const char* const end = found.data() + found.size();
+    const auto [last, error] = std::from_chars(found.data(), end, value);
+    require(error == std::errc() && last == end, name_ + "/" + key,
+            "is '" + found + "', must be the crc32 of the CT as ct/info has it, in quotes");
+    return value;
+  }
+  void know(const std::string& key) { known_.insert(key); }
   /// Throws InputError for a key that was not asked for.
   void finish() const {
     for (const auto& [key, value] : members_)
@@ -83,14 +96,19 @@ Target read_target(const std::string& name, const Members& members) {
   const auto surface = members.find("surface");
   const auto point = members.find("point");
   const std::string path = "targets/" + name;
-  require(members.size() == 1 && (surface != members.end() || point != members.end()), path,
+  require((surface != members.end()) != (point != members.end()), path,
           "must have either 'surface' or 'point'");
+  Entry entry(path, members);
   if (surface != members.end()) {
-    target.surface = Entry(path, members).text("surface", "");
+    target.surface = entry.text("surface", "");
+    entry.finish();
     require(!target.surface.empty(), path + "/surface",
             "is empty, must name a structure of ct/surface");
     return target;
   }
+  target.ct_crc32 = entry.crc32("ct_crc32");
+  entry.know("point");
+  entry.finish();
   XmlRpcValue numbers = point->second;
   const std::string constraint = "must be a list of three numbers (x, y, z in the CT, m)";
   require(numbers.getType() == XmlRpcValue::TypeArray && numbers.size() == 3, path + "/point",

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "ros/conversions/poses.h"
+#include "ros/guarded_queue.h"
 #include "ros/overlay/overlay_placement.h"
 #include "ros/overlay/scene_topics.h"
 #include "us_ct_registration/error.h"
@@ -37,7 +38,7 @@ TargetPublisher::TargetPublisher(const ::ros::NodeHandle& node, TargetOptions op
     publishers_.push_back(
         node_.advertise<geometry_msgs::PoseStamped>("targets/" + target.name + "/measured_cp", 10));
   timer_ = node_.createWallTimer(::ros::WallDuration(1.0 / options_.rate_hz),
-                                 [this](const ::ros::WallTimerEvent&) { publish(); });
+                                 guarded([this](const ::ros::WallTimerEvent&) { publish(); }));
 }
 
 void TargetPublisher::publish() {
@@ -74,7 +75,13 @@ std::string TargetPublisher::publish_at(const ::ros::Time& now) {
 }
 
 Eigen::Vector3d TargetPublisher::point_mm(const Target& target, const OverlayScene& scene) const {
-  if (target.surface.empty()) return target.point_mm;
+  if (target.surface.empty()) {
+    if (target.ct_crc32 != scene.ct_crc32)
+      throw InputError("targets/" + target.name,
+                       "'ct_crc32' is " + std::to_string(target.ct_crc32) +
+                           ", but the CT that was aligned has " + std::to_string(scene.ct_crc32));
+    return target.point_mm;
+  }
   const auto found =
       std::find_if(scene.structures.begin(), scene.structures.end(),
                    [&](const OverlayStructure& one) { return one.name == target.surface; });

@@ -22,8 +22,9 @@ struct Target {
   std::string name;
   /// Name of the structure of `ct/surface` whose centre of volume is the point; empty: `point_mm`.
   std::string surface;
-  /// In the CT's frame.
+  /// In the frame of the CT with this checksum.
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  std::uint32_t ct_crc32 = 0;
 };
 
 struct TargetOptions {

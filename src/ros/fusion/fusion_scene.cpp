@@ -1,5 +1,6 @@
 #include "ros/fusion/fusion_scene.h"
 
+#include <us_ct_registration/DecideRequest.h>
 #include <us_ct_registration/StatusCode.h>
 
 #include "ros/conversions/alignment.h"
@@ -122,7 +123,8 @@ FusionPose FusionSceneKeeper::pose_of(const FusionUltrasound& us, const FusionCt
   std::string asides;
   if (proposed_.state == msg::Alignment::PROPOSED) {
     const Attempt waiting = pose_by(proposed_, us, *ct);
-    const std::string id = std::to_string(proposed_.result_id);
+    const std::string id =
+        std::to_string(proposed_.result_id != 0 ? proposed_.result_id : +msg::DecideRequest::KEPT);
     if (waiting.T_us_ct)
       return {PoseStanding::kWaiting, waiting.T_us_ct,
               "WAITING for a decision: " + name_of(proposed_) + ". To accept: rosservice call " +

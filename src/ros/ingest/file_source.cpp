@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "ros/data_root.h"
+#include "ros/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -48,8 +49,9 @@ FileSource::FileSource(::ros::NodeHandle node, const FileOptions& options, Publi
   publish_once_stamped();
   constexpr double kPeriod_s = 0.05;
   if (volume_)
-    timer_ = node.createWallTimer(::ros::WallDuration(kPeriod_s),
-                                  [this](const ::ros::WallTimerEvent&) { publish_once_stamped(); });
+    timer_ = node.createWallTimer(
+        ::ros::WallDuration(kPeriod_s),
+        guarded([this](const ::ros::WallTimerEvent&) { publish_once_stamped(); }));
 }
 
 void FileSource::publish_once_stamped() {

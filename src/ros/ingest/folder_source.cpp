@@ -1,5 +1,6 @@
 #include "ros/ingest/folder_source.h"
 
+#include "ros/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -16,7 +17,7 @@ FolderSource::FolderSource(::ros::NodeHandle node, const FileOptions& file,
       folder_(file.ultrasound.path, folder.suffix, folder.settle_s, folder.take_existing,
               steady_s()),
       timer_(node.createWallTimer(::ros::WallDuration(folder.period_s),
-                                  [this](const ::ros::WallTimerEvent&) { look(); })) {}
+                                  guarded([this](const ::ros::WallTimerEvent&) { look(); }))) {}
 
 void FolderSource::tell(const std::string& error) {
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/tf_wait.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/image_lag.h"
@@ -30,6 +31,7 @@ geometry_msgs::Pose as_pose(const geometry_msgs::Transform& transform) {
 ArrayPoses::ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& options)
     : us_frame_(options.pose_frame),
       image_lag_(options.assembly.image_lag_s),
+      tf_wait_s_(options.tf_wait_s),
       input_(buffer_, node) {}
 
 void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const try {
@@ -37,10 +39,10 @@ void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) cons
   const ::ros::Time shown = stamp - image_lag_;
   // tf takes the time zero for the newest transform, which is not the pose of this frame.
   if (stamp.isZero() || shown.isZero()) return;
-  const ::ros::Duration left = std::max(deadline - ::ros::Time::now(), ::ros::Duration(0.0));
+  // Where the clock has run back, the deadline may be far away.
+  const double left_s = std::clamp(seconds_between(::ros::Time::now(), deadline), 0.0, tf_wait_s_);
   frame.set_looked_up(
-      as_pose(
-          wait_for_transform(buffer_, us_frame_, frame.frame_id, shown, left.toSec()).transform),
+      as_pose(wait_for_transform(buffer_, us_frame_, frame.frame_id, shown, left_s).transform),
       us_frame_);
 } catch (const std::exception& error) {  // from tf2, or for a time out of range
   frame.pose_problem = error.what();
@@ -57,8 +59,9 @@ FrameStreamSource::FrameStreamSource(::ros::NodeHandle node, const FrameStreamOp
       reported_at_(::ros::WallTime::now()),
       subscriber_(node.subscribe("us/frames", kFrameQueue, &FrameStreamSource::on_frame, this,
                                  ::ros::TransportHints().tcpNoDelay())),
-      pause_timer_(node.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
-                                        [this](const ::ros::WallTimerEvent&) { check_pause(); })) {}
+      pause_timer_(
+          node.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
+                               guarded([this](const ::ros::WallTimerEvent&) { check_pause(); }))) {}
 
 std::vector<EndedSweep> FrameStreamSource::assemble(const msg::PreScanFrame::ConstPtr& message,
                                                     const ::ros::Time& receipt) {

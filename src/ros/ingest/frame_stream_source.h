@@ -29,6 +29,7 @@ class ArrayPoses {
  private:
   const std::string us_frame_;
   const ::ros::Duration image_lag_;
+  const double tf_wait_s_;
   tf2::BufferCore buffer_;
   TfInput input_;
 };

@@ -11,6 +11,7 @@
 #include "ros/conversions/images.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
 
@@ -98,8 +99,9 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
     start_server_ = serve("us/start_sweep", &ImageSource::start_sweep);
     end_server_ = serve("us/end_sweep", &ImageSource::end_sweep);
   }
-  pause_timer_ = services.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
-                                          [this](const ::ros::WallTimerEvent&) { check_pause(); });
+  pause_timer_ =
+      services.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
+                               guarded([this](const ::ros::WallTimerEvent&) { check_pause(); }));
 }
 
 void ImageSource::notice_arrival(const ::ros::Time& now) {
@@ -289,15 +291,21 @@ ImageSource::Status ImageSource::start_sweep() {
 ImageSource::Status ImageSource::end_sweep() {
   const std::lock_guard<std::mutex> finishing(finishing_);
   std::optional<Recording> ended;
+  double silent = 0.0;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    silent = silent_s();
     if (!recording_)
       return status(Code::NOT_RUNNING, refusal_.empty()
                                            ? "no sweep is recorded; us/start_sweep starts one"
                                            : "no sweep is recorded any more: refused " + refusal_);
     ended = std::exchange(recording_, std::nullopt);
   }
-  return finish(*ended);
+  Status answer = finish(*ended);
+  if (answer.code == Code::OK && silent > options_.sweep.longest_pause_s)
+    answer.message += "; the last image came " + seconds_text(silent) +
+                      " s before the call: did the images stop before the probe did?";
+  return answer;
 }
 
 void ImageSource::describe(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {

@@ -1,6 +1,7 @@
 #include "ros/ingest/us_ingest.h"
 
 #include "ros/conversions/times.h"
+#include "ros/guarded_queue.h"
 #include "ros/ingest/file_source.h"
 #include "ros/ingest/folder_source.h"
 #include "ros/ingest/frame_stream_source.h"
@@ -15,9 +16,9 @@ UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   source_ = make_source(parameters);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("ultrasound", this, &UsIngest::report);
-  diagnostics_timer_ =
-      node_.createWallTimer(::ros::WallDuration(parameters.diagnostic_period_s),
-                            [this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); });
+  diagnostics_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(parameters.diagnostic_period_s),
+      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
 }
 
 std::unique_ptr<IngestSource> UsIngest::make_source(const IngestParameters& parameters) {

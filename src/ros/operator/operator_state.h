@@ -1,6 +1,7 @@
 #pragma once
 
 #include <us_ct_registration/Alignment.h>
+#include <us_ct_registration/DecideRequest.h>
 #include <us_ct_registration/RegistrationResult.h>
 
 #include <cstdint>
@@ -43,8 +44,11 @@ class OperatorState {
   bool is_in_force() const { return alignment_.state != us_ct_registration::Alignment::NONE; }
   /// What waits for a decision; else the last registration if it was refused; else what counts.
   OperatorSubject subject() const;
-  /// The number by which `subject` is accepted or rejected; 0: the alignment from before a restart.
-  std::uint64_t subject_id() const { return proposed_.waiting_id; }
+  /// The number by which `subject` is accepted or rejected; 0: nothing waits.
+  std::uint64_t subject_id() const {
+    return is_proposed() && proposed_.waiting_id == 0 ? +us_ct_registration::DecideRequest::KEPT
+                                                      : proposed_.waiting_id;
+  }
   /// Whether tf_publisher accepts results by itself; false until it was heard.
   bool is_automatic() const { return proposed_.policy == "auto"; }
 

@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <exception>
 #include <unordered_map>
 
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "us_ct_registration/error.h"
 
@@ -71,16 +73,33 @@ std::string minutes_text(double seconds) {
 
 }  // namespace
 
-void OverlaySceneKeeper::take_surface(const visualization_msgs::MarkerArray& message) {
-  std::vector<Structure> structures;
+OverlaySceneKeeper::Surfaces OverlaySceneKeeper::surfaces_from(
+    const visualization_msgs::MarkerArray& message) {
+  Surfaces surfaces;
+  surfaces.ct_crc32 = ct_crc32_of(message);
   for (const Marker& marker : message.markers) {
     if (marker.action != Marker::ADD || marker.type != Marker::TRIANGLE_LIST) continue;
-    structures.push_back({std::make_shared<const Surface>(surface_from(marker, "ct/surface")),
-                          name_of(marker), colour_of(marker)});
+    surfaces.structures.push_back(
+        {std::make_shared<const Surface>(surface_from(marker, "ct/surface")), name_of(marker),
+         colour_of(marker), marker.header.frame_id});
   }
-  const std::lock_guard lock(mutex_);
-  structures_ = std::move(structures);
-  has_surface_ = true;
+  return surfaces;
+}
+
+void OverlaySceneKeeper::take_surface(const visualization_msgs::MarkerArray& message) {
+  std::optional<Surfaces> surfaces;
+  std::exception_ptr problem;
+  try {
+    surfaces = surfaces_from(message);
+  } catch (const InputError&) {
+    // Those before may be of another CT.
+    problem = std::current_exception();
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    surfaces_ = std::move(surfaces);
+  }
+  if (problem) std::rethrow_exception(problem);
 }
 
 void OverlaySceneKeeper::take_info(const msg::CtInfo& message) {
@@ -106,12 +125,19 @@ void OverlaySceneKeeper::take_result(const msg::RegistrationResult& message) {
 std::string OverlaySceneKeeper::why_not() const {
   if (!alignment_) return "tf_publisher has not said which alignment counts";
   if (alignment_->state == msg::Alignment::NONE) return "no alignment: " + alignment_->message;
-  if (!has_surface_) return "no surfaces of the CT";
-  if (!ct_crc32_ || *ct_crc32_ != alignment_->ct_crc32)
+  if (!surfaces_) return "no surfaces of the CT";
+  // Surfaces come later than the summary of their CT, and not all who send them say of which CT
+  // they are.
+  const std::uint32_t aligned = alignment_->ct_crc32;
+  if (ct_crc32_ != aligned || surfaces_->ct_crc32.value_or(aligned) != aligned)
     return "the surfaces are of another CT than the one that was aligned";
-  const bool is_empty =
-      std::all_of(structures_.begin(), structures_.end(),
-                  [](const Structure& one) { return one.surface->triangles.empty(); });
+  bool is_empty = true;
+  for (const Structure& one : surfaces_->structures) {
+    is_empty = is_empty && one.surface->triangles.empty();
+    if (one.frame != alignment_->ct_frame)
+      return "the surface '" + one.name + "' is in the frame '" + one.frame +
+             "', must be in that of the CT, '" + alignment_->ct_frame + "'";
+  }
   return is_empty ? "the surfaces of the CT are empty" : "";
 }
 
@@ -172,9 +198,10 @@ OverlayScene OverlaySceneKeeper::at(const ::ros::Time& stamp) const {
   scene.fixed_frame = alignment_->header.frame_id;
   scene.ct_frame = alignment_->ct_frame;
   scene.result_id = alignment_->result_id;
+  scene.ct_crc32 = alignment_->ct_crc32;
   scene.age_s = seconds_between(alignment_->header.stamp, stamp);
   scene.warnings = warnings_at(scene.age_s);
-  for (const Structure& structure : structures_) {
+  for (const Structure& structure : surfaces_->structures) {
     const auto found = options_.styles.find(structure.name);
     const StructureStyle style = found == options_.styles.end() ? StructureStyle() : found->second;
     if (!style.is_visible) continue;
@@ -206,12 +233,13 @@ bool OverlaySceneKeeper::is_current(const OverlayScene& scene) const {
 
 std::string OverlaySceneKeeper::misnamed() const {
   const std::lock_guard lock(mutex_);
-  if (!has_surface_) return {};
+  if (!surfaces_) return {};
+  const std::vector<Structure>& structures = surfaces_->structures;
   std::string known;
-  for (const Structure& structure : structures_)
+  for (const Structure& structure : structures)
     known += (known.empty() ? "'" : ", '") + structure.name + "'";
   for (const auto& [name, style] : options_.styles)
-    if (std::none_of(structures_.begin(), structures_.end(),
+    if (std::none_of(structures.begin(), structures.end(),
                      [&wanted = name](const Structure& one) { return one.name == wanted; }))
       return "the parameters name '" + name +
              "', which ct/surface does not have; it has: " + (known.empty() ? "nothing" : known);

@@ -47,6 +47,7 @@ struct OverlayScene {
   std::string ct_frame;
   Eigen::Isometry3d T_fixed_ct = Eigen::Isometry3d::Identity();
   std::uint64_t result_id = 0;
+  std::uint32_t ct_crc32 = 0;
   /// The visible structures; those with a band have `bound_mm` of the registration alone.
   std::vector<OverlayStructure> structures;
   /// The error bound of the registration, at the structure with a band for which it is largest, mm.
@@ -63,7 +64,8 @@ class OverlaySceneKeeper {
  public:
   explicit OverlaySceneKeeper(OverlaySceneOptions options) : options_(std::move(options)) {}
 
-  /// Throws InputError, naming the topic, if a surface is not a list of finite triangles.
+  /// Throws InputError, naming the topic, if a surface is not a list of finite triangles; there are
+  /// no surfaces then.
   void take_surface(const visualization_msgs::MarkerArray& message);
   void take_info(const us_ct_registration::CtInfo& message);
   void take_alignment(const us_ct_registration::Alignment& message);
@@ -83,8 +85,15 @@ class OverlaySceneKeeper {
     std::shared_ptr<const Surface> surface;
     std::string name;
     Picture::Colour colour;
+    std::string frame;
+  };
+  struct Surfaces {
+    std::vector<Structure> structures;
+    /// Of which CT they are, if they say so.
+    std::optional<std::uint32_t> ct_crc32;
   };
 
+  static Surfaces surfaces_from(const visualization_msgs::MarkerArray& message);
   std::string why_not() const;
   std::vector<std::string> warnings_at(double age_s) const;
   /// The error bound of the registration at the surface, mm; unset: it is not known.
@@ -92,8 +101,7 @@ class OverlaySceneKeeper {
 
   const OverlaySceneOptions options_;
   mutable std::mutex mutex_;
-  std::vector<Structure> structures_;
-  bool has_surface_ = false;
+  std::optional<Surfaces> surfaces_;
   std::optional<std::uint32_t> ct_crc32_;
   std::optional<us_ct_registration::Alignment> alignment_;
   std::optional<geometry_msgs::PoseWithCovarianceStamped> pose_;

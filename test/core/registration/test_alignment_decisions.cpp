@@ -15,6 +15,7 @@ constexpr std::uint32_t kCt = 77;
 constexpr std::uint32_t kOtherCt = 78;
 constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kNow = 500 * kSecond;
+constexpr std::uint64_t kKept = AlignmentDecisions::kKept;
 
 OfferedResult registered(std::uint64_t id) {
   OfferedResult result;
@@ -82,21 +83,21 @@ TEST(AlignmentDecisions, AnAlignmentFromBeforeARestartIsProposedUntilItCounts) {
   EXPECT_EQ(decisions.state().proposed->result_id, 5U);
   decisions.reject(5);
   EXPECT_TRUE(decisions.state().proposed->restored);
-  decisions.accept(0, kNow);
+  decisions.accept(kKept, kNow);
   EXPECT_FALSE(decisions.state().proposed);
   EXPECT_TRUE(decisions.state().broadcast);
 }
 
 TEST(AlignmentDecisions, AWaitingResultIsReplacedByANewerOneAndCannotBeAcceptedByItsOldId) {
   AlignmentDecisions decisions(confirm());
-  EXPECT_EQ(decisions.offer(registered(1), kNow).code, Code::kDone);
-  EXPECT_EQ(decisions.offer(registered(2), kNow).code, Code::kDone);
-  const DecisionAnswer answer = decisions.accept(1, kNow);
+  EXPECT_EQ(decisions.offer(registered(7), kNow).code, Code::kDone);
+  EXPECT_EQ(decisions.offer(registered(8), kNow).code, Code::kDone);
+  const DecisionAnswer answer = decisions.accept(7, kNow);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
-  EXPECT_THAT(answer.message, HasSubstr("result 1"));
-  EXPECT_THAT(answer.message, HasSubstr("result 2 waits"));
-  EXPECT_EQ(decisions.accept(2, kNow).code, Code::kDone);
-  EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 1.0);
+  EXPECT_THAT(answer.message, HasSubstr("result 7"));
+  EXPECT_THAT(answer.message, HasSubstr("result 8 waits"));
+  EXPECT_EQ(decisions.accept(8, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 4.0);
   EXPECT_EQ(broadcast(decisions).accepted_ns, kNow);
 }
 
@@ -224,9 +225,26 @@ TEST(AlignmentDecisions, WithoutOptionsARestoredAlignmentWaitsForAPerson) {
   decisions.restore(stored_by_another_process(), kNow);
   decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
-  EXPECT_EQ(decisions.accept(0, kNow + kSecond).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(kKept, kNow + kSecond).code, Code::kDone);
   EXPECT_TRUE(broadcast(decisions).restored);
   EXPECT_EQ(broadcast(decisions).accepted_ns, kNow + kSecond);
+}
+
+/// A result may come between the look at the kept alignment and the click that accepts it.
+TEST(AlignmentDecisions, WhoeverDecidesAboutTheKeptAlignmentAcceptsNoResultThatHasCome) {
+  AlignmentDecisions decisions({});
+  decisions.restore(stored_by_another_process(), kNow);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  const DecisionAnswer none = decisions.accept(0, kNow);
+  EXPECT_EQ(none.code, Code::kNothingToDecide);
+  EXPECT_THAT(none.message, HasSubstr("1 stands for"));
+  decisions.offer(registered(5), kNow);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
+  EXPECT_TRUE(broadcast(decisions).restored);
+  EXPECT_EQ(decisions.state().waiting_id, 5U);
+  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_EQ(broadcast(decisions).result_id, 5U);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kNothingToDecide);
 }
 
 TEST(AlignmentDecisions, AnAlignmentThatIsTooOldIsNotRestored) {
@@ -236,17 +254,17 @@ TEST(AlignmentDecisions, AnAlignmentThatIsTooOldIsNotRestored) {
     EXPECT_EQ(decisions.restore(stored_by_another_process(), start).code, Code::kNothingToDecide);
     decisions.hold_ct(CtSource::kServer, kCt, start);
     EXPECT_FALSE(decisions.state().broadcast);
-    EXPECT_EQ(decisions.accept(0, start).code, Code::kNothingToDecide);
+    EXPECT_EQ(decisions.accept(kKept, start).code, Code::kNothingToDecide);
   }
   // It may become too old while it waits.
   AlignmentDecisions decisions(confirm());
   EXPECT_EQ(decisions.restore(stored_by_another_process(), latest).code, Code::kDone);
   decisions.hold_ct(CtSource::kServer, kCt, latest + 1);
   EXPECT_FALSE(decisions.state().broadcast);
-  const DecisionAnswer answer = decisions.accept(0, latest + 1);
+  const DecisionAnswer answer = decisions.accept(kKept, latest + 1);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
   EXPECT_THAT(answer.message, HasSubstr("restore_max_age = 3600 s"));
-  EXPECT_EQ(decisions.accept(0, latest).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(kKept, latest).code, Code::kDone);
 }
 
 TEST(AlignmentDecisions, AnySourceThatShowsAnotherCtSuspendsAnAlignment) {
@@ -286,7 +304,7 @@ TEST(AlignmentDecisions, ASuspendedAlignmentComesBackOnlyByAPerson) {
   EXPECT_THAT(decisions.offer(registered(2), kNow).message, HasSubstr("waits"));
   EXPECT_FALSE(decisions.state().broadcast);
   EXPECT_EQ(decisions.reject(2).code, Code::kDone);
-  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
   EXPECT_FALSE(decisions.state().is_suspended);
   EXPECT_EQ(broadcast(decisions).result_id, 1U);
   decisions.suspend("two parents");
@@ -300,12 +318,12 @@ TEST(AlignmentDecisions, ASuspendedAlignmentOfAnotherCtCannotBeAccepted) {
   decisions.offer(registered(1), kNow);
   decisions.suspend("two parents");
   decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
-  const DecisionAnswer answer = decisions.accept(0, kNow);
+  const DecisionAnswer answer = decisions.accept(kKept, kNow);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
   EXPECT_THAT(answer.message, HasSubstr("result 1 cannot be accepted: it is of another CT"));
   EXPECT_TRUE(decisions.state().is_suspended);
   decisions.hold_ct(CtSource::kServer, kCt, kNow);
-  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
   EXPECT_EQ(broadcast(decisions).result_id, 1U);
 }
 
@@ -337,9 +355,9 @@ TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
   decisions.restore(stored_by_another_process(), kNow);
   decisions.hold_ct(CtSource::kServer, kCt, kNow);
   EXPECT_FALSE(decisions.state().broadcast) << "it waits for a person";
-  EXPECT_EQ(decisions.reject(0).code, Code::kDone);
+  EXPECT_EQ(decisions.reject(kKept).code, Code::kDone);
   EXPECT_FALSE(decisions.stored().alignment);
-  EXPECT_EQ(decisions.accept(0, kNow).code, Code::kNothingToDecide);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kNothingToDecide);
 }
 
 TEST(AlignmentDecisions, AWaitingResultIsJudgedAgainWhenItIsAccepted) {

@@ -3,6 +3,7 @@
 #include <zlib.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "ros/conversions/ct.h"
@@ -113,6 +114,22 @@ TEST(Conversions, ObliqueCtComesBack) {
   EXPECT_EQ(back.voxels, ct.voxels);
 }
 
+/// The header of a file may be corrected, and its voxels stay.
+TEST(Conversions, ACtWithTheSameVoxelsElsewhereIsAnotherOne) {
+  const CtVolume ct = oblique_ct();
+  const std::uint32_t crc32 = to_message(ct, header(), 1).crc32;
+  EXPECT_EQ(to_message(ct, header(), 2).crc32, crc32);
+  const auto crc32_with = [&](const std::function<void(Grid&)>& change) {
+    CtVolume other = ct;
+    change(other.grid);
+    return to_message(other, header(), 1).crc32;
+  };
+  EXPECT_NE(crc32_with([](Grid& grid) { grid.origin_mm.x() += 0.001; }), crc32);
+  EXPECT_NE(crc32_with([](Grid& grid) { grid.spacing_mm.z() *= 1.001; }), crc32);
+  EXPECT_NE(crc32_with([](Grid& grid) { grid.direction.leftCols<2>() *= -1.0; }), crc32);
+  EXPECT_NE(crc32_with([](Grid& grid) { std::swap(grid.size[0], grid.size[1]); }), crc32);
+}
+
 TEST(Conversions, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
   msg::CtVolume ct = to_message(oblique_ct(), header(), 1);
   ct.size = {2000000000, 2000000000, 2000000000};
@@ -133,6 +150,9 @@ TEST(Conversions, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
 TEST(Conversions, DamagedVoxelsAreRefused) {
   msg::CtVolume ct = to_message(oblique_ct(), header(), 1);
   ct.data[5] = static_cast<std::int16_t>(ct.data[5] + 1);
+  EXPECT_THAT(error_of([&] { from_message(ct, "ct/volume"); }), HasSubstr("checksum"));
+  ct = to_message(oblique_ct(), header(), 1);
+  ct.origin.y += 1e-6;
   EXPECT_THAT(error_of([&] { from_message(ct, "ct/volume"); }), HasSubstr("checksum"));
   msg::PreScanVolume us = to_message(motorised_volume(), header());
   us.data[59] ^= 1;

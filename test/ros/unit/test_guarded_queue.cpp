@@ -69,6 +69,23 @@ TEST(Times, FarAheadOfTheClockAreRefused) {
   EXPECT_NO_THROW(require_not_ahead(::ros::Time(1031.0), ::ros::Time(), "volume", "stamp"));
 }
 
+TEST(Times, RanBackByMoreThanThreadsMayDiffer) {
+  EXPECT_TRUE(ran_back(::ros::Time(1000.0), ::ros::Time(1000.2)));
+  EXPECT_TRUE(ran_back(::ros::Time(1000.0), ::ros::Time(4294967295U, 0)));
+  EXPECT_FALSE(ran_back(::ros::Time(1000.0), ::ros::Time(1000.01)));
+  EXPECT_FALSE(ran_back(::ros::Time(1000.0), ::ros::Time(999.0)));
+}
+
+TEST(GuardedTimer, AnExceptionIsLoggedAndGoesNoFurther) {
+  int called = 0;
+  const auto callback = guarded([&](const ::ros::WallTimerEvent&) {
+    ++called;
+    throw std::runtime_error("a test");
+  });
+  EXPECT_NO_THROW(callback(::ros::WallTimerEvent()));
+  EXPECT_EQ(called, 1);
+}
+
 TEST(Times, StampsOfHeadersMustBeSetToo) {
   const ::ros::Time now(1000.0);
   EXPECT_NO_THROW(require_stamped(::ros::Time(999.0), now, "volume"));

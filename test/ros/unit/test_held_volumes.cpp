@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
+#include <atomic>
 #include <boost/make_shared.hpp>
+#include <future>
+#include <thread>
 
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
@@ -277,6 +280,32 @@ TEST_F(HeldVolumesWithTf, WaitsForTfThenHasThePose) {
   const auto found = volumes().ultrasound(::ros::Time(), late);
   EXPECT_NEAR(found->pose.T_fixed_us.translation().x(), 12.0, 1e-9);
   EXPECT_GE(asked, 3);
+}
+
+/// A caller who names a volume must not get another one.
+TEST_F(HeldVolumesWithTf, ANamedVolumeThatIsGivenUpWhileItWaitsForTfIsRefused) {
+  options_.tf_timeout_s = 60.0;
+  options_.ultrasound_volumes = 1;
+  volumes_.emplace(with_tf_, options_, [] {});
+  for (const int stamp : {100, 101})
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(stamp)), kNow);
+  std::atomic<int> asked{0};
+  auto refused = std::async(std::launch::async, [&] {
+    return refusal([&] {
+      volumes().ultrasound(::ros::Time(101.0), [&] {
+        ++asked;
+        return false;
+      });
+    });
+  });
+  while (asked < 3) std::this_thread::yield();
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(102)), kNow);
+  EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted
+  know(99.0, 12.0);
+  know(103.0, 12.0);
+  const Refusal answer = refused.get();
+  EXPECT_EQ(answer.code(), Status::NO_ULTRASOUND);
+  EXPECT_THAT(answer.what(), HasSubstr("101.000"));
 }
 
 TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {

@@ -39,8 +39,8 @@ class InitialAlignmentsTest : public testing::Test {
     options.frame = "patient";
     return options;
   }
-  double set(const SetRequest& request, std::uint64_t now_ms = 50, const HeldCt* ct = nullptr) {
-    return alignments_.set(request, now_ms, ct,
+  double set(const SetRequest& request, const HeldCt* ct = nullptr) {
+    return alignments_.set(request, ct,
                            [this]() -> std::shared_ptr<const HeldUltrasound> { return us_; });
   }
   SetRequest pose(const std::string& frame, double x_mm) const {
@@ -72,8 +72,8 @@ class InitialAlignmentsTest : public testing::Test {
   }
   /// Source and x of T_us_ct, mm.
   std::string chosen(const std::optional<geometry_msgs::TransformStamped>& goal = {},
-                     std::uint32_t ct_crc32 = kCt) {
-    const auto found = alignments_.choose(goal, *us_, held_ct(ct_crc32));
+                     std::uint32_t ct_crc32 = kCt, std::uint64_t now_ms = 50) {
+    const auto found = alignments_.choose(goal, *us_, held_ct(ct_crc32), now_ms);
     if (!found) return "none";
     return found->source + " " + std::to_string(std::lround(found->T_us_ct.translation().x()));
   }
@@ -109,21 +109,33 @@ TEST_F(InitialAlignmentsTest, FirstThatExistsCounts) {
 }
 
 TEST_F(InitialAlignmentsTest, SetLastsUntilClearedOrAResultIsAccepted) {
-  set(pose("us", 2.0), 50);
+  set(pose("us", 2.0));
   accept(msg::Alignment::ACCEPTED, 1005.0, 20);  // from before the alignment was set
   EXPECT_EQ(chosen(), "set 2");
   accept(msg::Alignment::RESTORED, 1005.0, 0);
   EXPECT_EQ(chosen(), "set 2");
   accept(msg::Alignment::ACCEPTED, 1006.0, 60);
   EXPECT_EQ(chosen(), "accepted 6");
-  set(pose("us", 7.0), 70);
-  EXPECT_EQ(chosen(), "set 7");
+  set(pose("us", 7.0));
+  EXPECT_EQ(chosen({}, kCt, 70), "set 7");
   SetRequest clear;
   clear.type = SetRequest::CLEAR;
-  set(clear, 80);
+  set(clear);
   EXPECT_EQ(chosen(), "accepted 6");
   accept(msg::Alignment::NONE, 0.0, 0);
   EXPECT_EQ(chosen(), "parameters 4");
+}
+
+/// A registration that ran while it was set started elsewhere, and gives its result later.
+TEST_F(InitialAlignmentsTest, AResultOfARegistrationThatBeganBeforeDoesNotEndWhatWasSet) {
+  EXPECT_EQ(chosen({}, kCt, 40), "parameters 4");
+  set(pose("us", 2.0));
+  accept(msg::Alignment::ACCEPTED, 1005.0, 60);
+  EXPECT_EQ(chosen({}, kCt, 70), "set 2");
+  accept(msg::Alignment::ACCEPTED, 1005.0, 69);  // late
+  EXPECT_EQ(chosen({}, kCt, 80), "set 2");
+  accept(msg::Alignment::ACCEPTED, 1006.0, 90);
+  EXPECT_EQ(chosen({}, kCt, 100), "accepted 6");
 }
 
 TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
@@ -133,10 +145,9 @@ TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
 }
 
 TEST_F(InitialAlignmentsTest, SetInTheFixedFrameNeedsNoUltrasound) {
-  alignments_.set(pose("patient", 1009.0), 50, nullptr,
-                  []() -> std::shared_ptr<const HeldUltrasound> {
-                    throw Refusal(Status::NO_ULTRASOUND, "none");
-                  });
+  alignments_.set(pose("patient", 1009.0), nullptr, []() -> std::shared_ptr<const HeldUltrasound> {
+    throw Refusal(Status::NO_ULTRASOUND, "none");
+  });
   EXPECT_EQ(chosen(), "set 9");
 }
 
@@ -153,13 +164,13 @@ TEST_F(InitialAlignmentsTest, AlignmentOfAnotherCtIsNotUsed) {
 /// A CT that is shown again, after another one, has its alignment again.
 TEST_F(InitialAlignmentsTest, SetIsThatOfTheCtThatWasHeldThen) {
   const HeldCt ct = held_ct(kCt);
-  set(pose("us", 2.0), 50, &ct);
+  set(pose("us", 2.0), &ct);
   EXPECT_EQ(chosen({}, kCt + 1), "parameters 4");
   EXPECT_EQ(chosen(), "set 2");
-  set(pose("us", 7.0), 60, &ct);
+  set(pose("us", 7.0), &ct);
   HeldCt renamed = ct;
   renamed.header.frame_id = "ct_of_last_month";
-  EXPECT_EQ(alignments_.choose({}, *us_, renamed)->source, "parameters");
+  EXPECT_EQ(alignments_.choose({}, *us_, renamed, 50)->source, "parameters");
 }
 
 TEST_F(InitialAlignmentsTest, SetBeforeAnyCtIsThatOfTheFirstOneThatIsRegistered) {

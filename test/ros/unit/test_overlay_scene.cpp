@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -5,11 +6,13 @@
 #include "ros/conversions/surface_markers.h"
 #include "ros/overlay/newest_slot.h"
 #include "ros/overlay/overlay_scene.h"
+#include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
 namespace {
 
 namespace msg = us_ct_registration;
+using testing::HasSubstr;
 
 Surface tetrahedron() {
   Surface surface;
@@ -45,7 +48,7 @@ struct KeptOverlay {
   KeptOverlay() {
     keeper.take_surface(
         to_markers({{1, tetrahedron()}, {2, tetrahedron()}, {3, tetrahedron()}},
-                   {{1, {"left kidney", {}}}, {2, {"tumour", {}}}, {3, {"vein", {}}}}, "ct"));
+                   {{1, {"left kidney", {}}}, {2, {"tumour", {}}}, {3, {"vein", {}}}}, "ct", 77));
     msg::CtInfo info;
     info.crc32 = 77;
     keeper.take_info(info);
@@ -71,6 +74,41 @@ TEST(OverlayScene, HasTheVisibleStructuresWhereTheAlignmentHasThem) {
   EXPECT_EQ(scene.structures[0].surface->triangles.size(), 4U);
   EXPECT_EQ(scene.structures[0].surface->points_mm[1].cwiseAbs().maxCoeff(), 10.0);
   EXPECT_EQ(kept.keeper.misnamed(), "");
+}
+
+/// The summary of the CT comes before its surfaces, which may still be those of another one.
+TEST(OverlayScene, SurfacesThatSayTheyAreOfAnotherCtAreNotDrawn) {
+  KeptOverlay kept;
+  const auto refusal_with = [&](const visualization_msgs::MarkerArray& surfaces) {
+    kept.keeper.take_surface(surfaces);
+    return kept.keeper.at(::ros::Time(1060)).refusal;
+  };
+  const LabelTable labels{{1, {"tumour", {}}}};
+  EXPECT_THAT(refusal_with(to_markers({{1, tetrahedron()}}, labels, "ct", 78)),
+              HasSubstr("the surfaces are of another CT"));
+  EXPECT_EQ(refusal_with(to_markers({{1, tetrahedron()}}, labels, "ct", 77)), "");
+  EXPECT_EQ(kept.keeper.at(::ros::Time(1060)).ct_crc32, 77U);
+  // Those of another node may not say it; the summary of the CT then counts alone.
+  visualization_msgs::MarkerArray unnamed = to_markers({{1, tetrahedron()}}, labels, "ct", 77);
+  unnamed.markers.erase(unnamed.markers.begin());
+  EXPECT_EQ(refusal_with(unnamed), "");
+}
+
+TEST(OverlayScene, SurfacesInAnotherFrameThanThatOfTheCtAreNotDrawn) {
+  KeptOverlay kept;
+  kept.keeper.take_surface(to_markers({{1, tetrahedron()}}, {{1, {"tumour", {}}}}, "patient", 77));
+  EXPECT_THAT(kept.keeper.at(::ros::Time(1060)).refusal,
+              HasSubstr("the surface 'tumour' is in the frame 'patient', must be in that of the "
+                        "CT, 'ct'"));
+}
+
+TEST(OverlayScene, SurfacesThatAreRefusedLeaveNoneBehind) {
+  KeptOverlay kept;
+  visualization_msgs::MarkerArray broken =
+      to_markers({{1, tetrahedron()}}, {{1, {"tumour", {}}}}, "ct", 77);
+  broken.markers.back().points.pop_back();
+  EXPECT_THROW(kept.keeper.take_surface(broken), InputError);
+  EXPECT_EQ(kept.keeper.at(::ros::Time(1060)).refusal, "no surfaces of the CT");
 }
 
 TEST(OverlayScene, IsOutdatedByEveryChangeOfTheAlignment) {

@@ -12,7 +12,9 @@ namespace {
 using visualization_msgs::Marker;
 
 TEST(CtSurface, MarkersReplaceThoseBeforeAndAreInMetres) {
-  const auto array = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
+  const auto array = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct", 3735928559U);
+  EXPECT_EQ(ct_crc32_of(array), 3735928559U);
+  EXPECT_EQ(ct_crc32_of({}), std::nullopt);
   ASSERT_EQ(array.markers.size(), 3U);
   EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
   const Marker& kidney = array.markers[1];
@@ -50,7 +52,7 @@ TEST(PlacedSurfaces, LieInTheFixedFrameWhereTheCtIs) {
 }
 
 TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
-  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
+  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct", 3735928559U);
   const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
   const std::string reason =
       "the ultrasound fits the CT better with its lines in reverse order: check which way round "
@@ -85,7 +87,7 @@ TEST(RefusedMarkers, AreRedAndSayWhyAndReplaceThoseBefore) {
 }
 
 TEST(ProposedMarkers, AreAmberAndSayWhatWaitsWhereThereIsAPlaceForIt) {
-  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct");
+  const auto surfaces = to_markers(two_surfaces(), {{2, {"kidney", {}}}}, "ct", 3735928559U);
   const Eigen::Isometry3d T_patient_ct(Eigen::Translation3d(250.0, 0.0, 0.0));
   ProposedAlignment proposed{"patient", T_patient_ct, "result 3 waits", Eigen::Vector3d(0, 0, 400)};
   const auto found = proposed_markers(surfaces, proposed, 0.5);
