@@ -58,7 +58,7 @@ PreScanVolume along_beams(const Volume<T>& volume, const ConvertOptions& options
 template <typename T>
 void convert_volume(const Volume<T>& volume, const ConvertOptions& options) {
   if (!options.along_beams.empty())
-    write_prescan_nrrd(along_beams(volume, options), options.output);
+    write_beams(along_beams(volume, options), options.output);
   else
     write_volume(options.reorient ? reorient_to_axes(volume) : volume, options.output);
 }

@@ -16,7 +16,8 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// Writes in the first format of the table whose files have the ending of `output`.
+}  // namespace
+
 void write_beams(const PreScanVolume& volume, const std::string& output) {
   std::string endings;
   for (const FileFormat& format : file_formats()) {
@@ -34,6 +35,8 @@ void write_beams(const PreScanVolume& volume, const std::string& output) {
   throw InputError(output, "pre-scan ultrasound is written as one of " + endings +
                                "; for a Cartesian volume give --scan-convert and its spacing");
 }
+
+namespace {
 
 /// The brightness normalised over all voxels inside the mask. Nothing else is excluded: in a
 /// Cartesian volume, depths, shadows and lines without contact are not known.

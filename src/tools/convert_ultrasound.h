@@ -22,6 +22,10 @@ struct UltrasoundConversion {
   void add_to(CLI::App& command);
 };
 
+/// Writes pre-scan ultrasound in the first format of the table whose files have the ending of
+/// `output`. Throws InputError if none has.
+void write_beams(const PreScanVolume& volume, const std::string& output);
+
 /// Writes `output` in the format of its extension. Throws InputError if that format cannot hold the
 /// ultrasound.
 void convert_ultrasound(const std::string& input, const std::string& output,

@@ -69,7 +69,10 @@ int run_info(const InfoOptions& options) {
     else
       print(description, 0);
   }
-  if (options.json) std::printf("%s\n", (all.size() == 1 ? all.front() : all).dump(2).c_str());
+  if (options.json)
+    std::printf("%s\n", (all.size() == 1 ? all.front() : all)
+                            .dump(2, ' ', false, Json::error_handler_t::replace)
+                            .c_str());
   return kDone;
 }
 

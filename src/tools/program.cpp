@@ -1,6 +1,8 @@
 #include "program.h"
 
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
@@ -18,6 +20,21 @@ void add_given(const CLI::App& app, std::vector<const CLI::Option*>& given) {
     if (option->count() > 0) given.push_back(option);
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
     add_given(*sub, given);
+}
+
+/// The ranges of CLI11 let "nan" pass, which would then switch an option off without a word.
+void require_finite_numbers(const CLI::App& app) {
+  std::vector<const CLI::Option*> given;
+  add_given(app, given);
+  for (const CLI::Option* option : given) {
+    if (option->get_type_name().rfind("FLOAT", 0) != 0) continue;
+    for (const std::string& result : option->results()) {
+      char* end = nullptr;
+      const double value = std::strtod(result.c_str(), &end);
+      if (*end == '\0' && !std::isfinite(value))
+        throw InputError(option->get_name(), "is '" + result + "', must be finite");
+    }
+  }
 }
 
 /// A file that is written must be none that is read, and no other that is written.
@@ -52,20 +69,29 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
     app.exit(error);
     return kBadInput;
   }
+  require_finite_numbers(app);
   require_outputs_apart(app);
   const int status = run();
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
-    throw std::runtime_error("standard output cannot be written to");
+  require_printed();
   return status;
 }
 
 }  // namespace
+
+void require_printed() {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+    throw std::runtime_error("standard output cannot be written to");
+}
 
 int run_program(CLI::App& app, const Run& run, int argc, char** argv) {
   try {
     return parse_and_run(app, run, argc, argv);
   } catch (const InputError& error) {
     std::fprintf(stderr, "usct: error: %s\n", error.what());
+    return kBadInput;
+  } catch (const std::filesystem::filesystem_error& error) {  // such as a folder nobody may read
+    std::fprintf(stderr, "usct: error: %s: %s\n", error.path1().c_str(),
+                 error.code().message().c_str());
     return kBadInput;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "usct: failed: %s\n", error.what());

@@ -11,10 +11,12 @@
 #include "exit_status.h"
 #include "initial_pose.h"
 #include "inputs.h"
+#include "program.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
@@ -100,10 +102,14 @@ void require_place(const std::string& option, const std::filesystem::path& path)
         option, "is '" + path.string() + "', but there is no folder '" + folder.string() + "'");
   if (std::filesystem::is_directory(path))
     throw InputError(option, "is '" + path.string() + "', which is a folder, must be a file");
+  require_writable(path);
 }
 
 void require_places(const RegisterCommand& command) {
   require_place("--output", command.output);
+  // Another ending is that of an image or a transform, which must not be lost by a slip.
+  if (std::filesystem::path(command.output).extension() != ".json")
+    throw InputError("--output", "is '" + command.output + "', must end in .json");
   if (!command.pictures.empty()) {
     std::error_code error;
     std::filesystem::create_directory(command.pictures, error);
@@ -261,15 +267,17 @@ int run_register(const RegisterCommand& command) {
   describe_run(command, options, result);
 
   write_result(result, command.output);
-  if (is_registered(result) && !command.transform.empty())
-    write_T_us_ct(*result.T_us_ct, command.transform);
   if (command.json)
     std::fputs(result_json(result).c_str(), stdout);
   else
     print_summary(command, c, result);
   if (!is_registered(result)) warn_of_refusal(command, result);
   if (!command.pictures.empty()) write_pictures(command, c, result);
-  return is_registered(result) ? kDone : kRefused;
+  if (!is_registered(result)) return kRefused;
+  // It comes last, since it says that all else went well.
+  require_printed();
+  if (!command.transform.empty()) write_T_us_ct(*result.T_us_ct, command.transform);
+  return kDone;
 }
 
 void add_how(CLI::App& sub, RegisterCommand& command) {

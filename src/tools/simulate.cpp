@@ -10,6 +10,7 @@
 #include "simulation_files.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/io/whole_folder.h"
 #include "us_ct_registration/simulation/simulation.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
 
@@ -66,13 +67,6 @@ std::vector<std::uint8_t> excluded(const SimulateCommand& command,
   return result;
 }
 
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directory(folder, error);
-  if (!std::filesystem::is_directory(folder))
-    throw InputError("--output", "'" + folder.string() + "' cannot be made: " + error.message());
-}
-
 void print(const SimulatedUltrasound& simulated, const ConditionedUltrasound& conditioned,
            const std::string& folder) {
   std::printf("%s\n", folder.c_str());
@@ -101,7 +95,7 @@ int run_simulate(SimulateCommand command) {
   const CtVolume ct = read_ct_with_warnings(command.ct);
   const Eigen::Isometry3d T_us_ct =
       command.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(command.transform);
-  make_folder(command.output);
+  require_new_folder(command.output);
   const ConditionedUltrasound conditioned = condition(beams.along, command.conditioning);
   const SimulatedComponents components =
       simulate_components(beams.along.beams, ct, T_us_ct.inverse(), command.simulation,
@@ -111,8 +105,10 @@ int run_simulate(SimulateCommand command) {
       command.fit_to == Normalisation::kNone ? beams.along.brightness : conditioned.samples,
       excluded(command, conditioned), command.fit);
 
-  write_simulation({beams, conditioned, components, simulated, command.fit_to}, command.frame,
-                   command.pixel_mm, command.output);
+  write_whole_folder(command.output, [&](const std::filesystem::path& folder) {
+    write_simulation({beams, conditioned, components, simulated, command.fit_to}, command.frame,
+                     command.pixel_mm, folder);
+  });
   print(simulated, conditioned, command.output);
   return simulated.has_fit() ? kDone : kRefused;
 }
@@ -192,7 +188,7 @@ void add_simulate_command(CLI::App& app, Run& run) {
   sub->add_option("--us", command->us, "ultrasound of any kind that 'usct info' knows")->required();
   sub->add_option("--transform", command->transform,
                   "ITK transform from US to CT points, mm, LPS (identity if not given)");
-  sub->add_option("--output", command->output, "folder to write, made if absent")->required();
+  sub->add_option("--output", command->output, "folder to make: absent or empty")->required();
   sub->add_option("--frame", command->frame, "frame to draw [the middle one]")
       ->check(CLI::NonNegativeNumber);
   sub->add_option("--pixel", command->pixel_mm, "size of a pixel of the pictures, mm")

@@ -11,6 +11,7 @@
 #include "us_ct_registration/evaluation/study_report.h"
 #include "us_ct_registration/evaluation/study_work.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/threads.h"
 
@@ -172,21 +173,38 @@ void print_tables(const StudyCommand& command, const StudyPlan& plan, const Case
   std::printf("%s", markdown(calibration_table(runs)).c_str());
 }
 
+/// Places are checked and made first, since hours of work must not be lost at the end.
+void require_places(const StudyCommand& command) {
+  if (!command.output.empty()) {
+    const fs::path folder = fs::absolute(command.output).parent_path();
+    if (!fs::is_directory(folder))
+      throw InputError("--output",
+                       "lies in '" + folder.string() + "', must be in a folder that exists");
+    if (fs::path(command.output).extension() != ".json")
+      throw InputError("--output", "is '" + command.output + "', must end in .json");
+    require_writable(command.output);
+  }
+  if (command.pictures.empty()) return;
+  std::error_code error;
+  fs::create_directories(command.pictures, error);
+  if (!fs::is_directory(command.pictures))
+    throw InputError("--pictures", "'" + command.pictures + "' cannot be made: " + error.message());
+}
+
 int run_cases(const StudyCommand& command) {
   refuse(command.of_file, "is for a study file, must not be given with cases");
   const Study study = study_of_cases(command);
-  // The folder is checked first, since hours of work must not be lost at the end.
-  const fs::path folder = fs::absolute(command.output.empty() ? "." : command.output).parent_path();
-  if (!fs::is_directory(folder))
-    throw InputError("--output",
-                     "lies in '" + folder.string() + "', must be in a folder that exists");
+  require_places(command);
   const StudyPlan plan = plan_study(study);
   const CaseSource cases = case_reader(study);
   const std::vector<StudyRun> runs =
       all_of(carry_out(plan, cases, registers_of(study), work_of(command)));
+  print_tables(command, plan, cases, runs);
+  if (!command.output.empty()) write_study_json(plan, runs, {}, command.output);
+  // Pictures and profiles come last, since they take seconds each.
+  if (!command.has_extras()) return kDone;
   const StudyExtras extras = extras_of(command, plan, cases, runs);
   if (!command.output.empty()) write_study_json(plan, runs, extras, command.output);
-  print_tables(command, plan, cases, runs);
   return kDone;
 }
 

@@ -18,6 +18,10 @@ namespace usct {
 void write_atomically(const std::filesystem::path& target,
                       const std::function<void(const std::filesystem::path& temporary)>& write);
 
+/// Throws as `write_atomically` does if `target` cannot be written, before the work whose result it
+/// will hold.
+void require_writable(const std::filesystem::path& target);
+
 /// Writes a whole file of text in this way.
 void write_text(const std::filesystem::path& target, const std::string& text);
 

@@ -39,6 +39,12 @@ fs::path folder_of(const fs::path& target) {
   return target.has_parent_path() ? target.parent_path() : fs::path(".");
 }
 
+fs::path temporary_path(const fs::path& target) {
+  static std::atomic<unsigned> counter{0};
+  return folder_of(target) / (".tmp-" + std::to_string(::getpid()) + "-" +
+                              std::to_string(++counter) + "-" + target.filename().string());
+}
+
 void check_target(const fs::path& target) {
   const fs::path folder = folder_of(target);
   std::error_code error;
@@ -73,14 +79,16 @@ void flush_to_disk(const fs::path& path, int flags) {
 
 }  // namespace
 
+void require_writable(const fs::path& target) {
+  check_target(target);
+  check_folder_is_writable(target, temporary_path(target));
+}
+
 void write_atomically(const fs::path& target,
                       const std::function<void(const fs::path& temporary)>& write) {
-  static std::atomic<unsigned> counter{0};
   check_target(target);
   const fs::path folder = folder_of(target);
-  const std::string name = ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(++counter) +
-                           "-" + target.filename().string();
-  const TemporaryFile temporary(folder / name);
+  const TemporaryFile temporary(temporary_path(target));
   check_folder_is_writable(target, temporary.path());
   write(temporary.path());
   flush_to_disk(temporary.path(), O_RDONLY);

@@ -30,6 +30,9 @@ Camera read_camera(const std::filesystem::path& path) {
   intrinsics.height = keys.whole_number("image_height");
   const std::vector<double> K = matrix_of(keys, "camera_matrix");
   require_count(keys, "camera_matrix", K.size(), 9);
+  if (K[1] != 0.0 || K[3] != 0.0 || K[6] != 0.0 || K[7] != 0.0 || K[8] != 1.0)
+    throw InputError(path.string(),
+                     "'camera_matrix' must be fx 0 cx, 0 fy cy, 0 0 1: there is no skew");
   intrinsics.fx = K[0];
   intrinsics.cx = K[2];
   intrinsics.fy = K[4];

@@ -1,5 +1,7 @@
 #include "io/yaml_keys.h"
 
+#include <vector>
+
 #include "io/bytes.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
@@ -7,11 +9,16 @@
 namespace usct::io {
 
 YAML::Node parse_yaml(const std::string& text, const std::string& source) {
+  std::vector<YAML::Node> documents;
   try {
-    return YAML::Load(text);
+    documents = YAML::LoadAll(text);
   } catch (const YAML::Exception& error) {
     throw InputError(source, std::string("is not valid YAML: ") + error.what());
   }
+  if (documents.size() > 1)
+    throw InputError(source, "has " + std::to_string(documents.size()) +
+                                 " documents, separated by '---', must have one");
+  return documents.empty() ? YAML::Node() : documents.front();
 }
 
 YAML::Node read_yaml(const std::filesystem::path& path) {

@@ -49,6 +49,7 @@ TEST_F(LabelTableFile, IsReadStrictly) {
   refused("1: {colour: [1, 0, 0]}", {"'1.name' is missing"});
   refused("1: {name: ''}", {"'1.name' is empty"});
   refused("1: {name: a}\n2: {name: a}", {"'a' is given twice"});
+  refused("02: {name: a}\n2: {name: b}", {"the label", "is given twice"});
   refused("1: {name: a, colour: [1, 0]}", {"'1.colour'", "red, green and blue"});
   refused("1: {name: a, colour: [1, 0, 2]}", {"'1.colour'"});
   refused("1: {name: a, color: [1, 0, 0]}", {"color"});
@@ -89,6 +90,12 @@ TEST_F(CameraFile, IsReadStrictly) {
   refused(camera_text("rational_polynomial", "[0, 0, 0, 0, 0]"), {"must have 8"});
   refused("image_width: 640", {"image_height"});
   refused(camera_text("plumb_bob", "[-3, 0, 0, 0, 0]"), {"folds back"});
+  for (const char* data :
+       {"[500, 5, 310, 0, 510, 250, 0, 0, 1]", "[500, 0, 310, 0, 510, 250, 0, 0, 7]"}) {
+    std::string text = camera_text("plumb_bob", "[0, 0, 0, 0, 0]");
+    const std::string good = "[500, 0, 310, 0, 510, 250, 0, 0, 1]";
+    refused(text.replace(text.find(good), good.size(), data), {"'camera_matrix'", "no skew"});
+  }
 }
 
 }  // namespace

@@ -23,6 +23,8 @@ TEST(PointsIo, ReadsWhatSpreadsheetsWrite) {
   ASSERT_EQ(points.size(), 2U);
   EXPECT_EQ(points[0], Eigen::Vector3d(1, 2.5, -300));
   EXPECT_EQ(points[1], Eigen::Vector3d(4, 5, 6));
+  // With a byte order mark.
+  EXPECT_EQ(read_points_from("\xEF\xBB\xBFx,y,z\r\n1,2,3\r\n").size(), 1U);
 }
 
 TEST(PointsIo, NumbersComeBackBitByBit) {

@@ -255,6 +255,7 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
   expect_refused("preset: patient\nsearch: {levels: 3}\n", {"'search.levels' must be a list"});
   expect_refused("- preset\n", {"key: value"});
   expect_refused("window: {\n", {"not valid YAML"});
+  expect_refused("window: {}\n---\nwindow: {}\n", {"has 2 documents"});
 }
 
 /// The similarity of the thesis' preset, as the keys below `similarity:` two levels deep.

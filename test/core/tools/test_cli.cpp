@@ -253,6 +253,33 @@ TEST_F(Cli, ConvertRefusesOptionsForOtherContent) {
   refused("us.nrrd", {"--along-beams", path("us.nrrd")}, "'--along-beams' is for volumes");
 }
 
+TEST_F(Cli, NumbersThatAreNotFiniteAreRefused) {
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  expect_refused({"convert", path("us.nrrd"), path("out.nrrd"), "--scan-convert", "nan"},
+                 "--scan-convert: is 'nan', must be finite");
+  EXPECT_FALSE(std::filesystem::exists(path("out.nrrd")));
+}
+
+TEST_F(Cli, UltrasoundAlongTheBeamsIsWrittenInTheFormatOfItsEnding) {
+  write_volume(sampled(example_grids().front().grid), path("a.nrrd"));
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  expect_refused({"convert", path("a.nrrd"), path("out.mha"), "--along-beams", path("us.nrrd"),
+                  "--window", "0", "100"},
+                 "out.mha");
+  EXPECT_FALSE(std::filesystem::exists(path("out.mha")));
+}
+
+/// The folder of a case holds a ct.nrrd of its own.
+TEST_F(Cli, SimulateMakesAFolderAndNeverWritesIntoOne) {
+  write_volume(sampled(example_grids().front().grid), path("ct.nrrd"));
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  const std::string before = test::read_text(path("ct.nrrd"));
+  expect_refused({"simulate", "--ct", path("ct.nrrd"), "--us", path("us.nrrd"), "--output",
+                  folder_.path().string(), "--quiet"},
+                 folder_.path().string());
+  EXPECT_EQ(test::read_text(path("ct.nrrd")), before);
+}
+
 /// A file may store small whole numbers, with a slope and an intercept that make others of them.
 TEST_F(Cli, ScaledVoxelsAreConvertedToATypeThatHoldsThem) {
   Volume<std::uint8_t> stored(test::example_grids().front().grid);

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -120,6 +121,15 @@ TEST_F(Register, PrintsTheAcquisitionErrorsThatItEstimated) {
     std::snprintf(line, sizeof(line), "estimated %s error: %+.2f %%\n", name, 100.0 * error);
     EXPECT_NE(outcome.output.find(line), std::string::npos) << line << outcome.output;
   }
+}
+
+/// A robot takes the transform for a sign that all went well.
+TEST_F(Register, NoTransformIsWrittenIfThePicturesFail) {
+  std::filesystem::create_directories(path("pictures/fusion.png"));
+  const Outcome outcome =
+      registered({"--transform", path("found.tfm"), "--pictures", path("pictures")});
+  EXPECT_EQ(outcome.exit_status, 2) << outcome.errors;
+  EXPECT_FALSE(std::filesystem::exists(path("found.tfm")));
 }
 
 TEST_F(Register, TrueBeamsAreRefusedByThePresetOfVariantA) {
@@ -281,6 +291,14 @@ TEST_F(Register, BadInputIsNamedAndNothingIsWritten) {
                 initial, "--output", path("absent/result.json")});
   EXPECT_EQ(nowhere.exit_status, 2) << nowhere.errors;
   EXPECT_NE(nowhere.errors.find("--output"), std::string::npos) << nowhere.errors;
+  // A label map, say.
+  std::ofstream(path("labels.nrrd")) << "precious";
+  const Outcome image =
+      run_usct({"register", "--ct", case_file("ct.nrrd"), "--us", case_file("us.nrrd"), "--initial",
+                initial, "--output", path("labels.nrrd")});
+  EXPECT_EQ(image.exit_status, 2) << image.errors;
+  EXPECT_NE(image.errors.find("must end in .json"), std::string::npos) << image.errors;
+  EXPECT_EQ(read_text(path("labels.nrrd")), "precious");
 }
 
 TEST(PresetsCommand, ListsAndPrints) {

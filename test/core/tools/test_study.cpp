@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "core/tools/run_usct.h"
@@ -224,6 +225,15 @@ TEST_F(Study, BadArgumentsEndWithStatusTwo) {
       run_usct({"study", path("agar_1"), "--output", path("absent/study.json")});
   EXPECT_EQ(no_folder.exit_status, 2);
   EXPECT_NE(no_folder.errors.find("--output"), std::string::npos) << no_folder.errors;
+  refused({"--box-mm", "nan"}, "--box-mm: is 'nan', must be finite");
+  // Before the work: the JSON of an earlier study stays.
+  std::ofstream(path("study.json")) << "earlier";
+  refused({"--pictures", path("agar_1/ct.nrrd")}, "--pictures");
+  EXPECT_EQ(read_text(path("study.json")), "earlier");
+  const Outcome image =
+      run_usct({"study", path("agar_1"), "--output", path("agar_1/ct.nrrd"), "--quiet"});
+  EXPECT_EQ(image.exit_status, 2);
+  EXPECT_NE(image.errors.find("must end in .json"), std::string::npos) << image.errors;
 }
 
 }  // namespace

@@ -14,8 +14,12 @@ std::vector<Eigen::Vector3d> read_points_mm(const std::filesystem::path& path) {
   const io::Bytes bytes = io::read_bytes(path);
   const std::vector<std::string_view> lines =
       split({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, '\n');
-  if (trimmed(lines[0]) != "x,y,z")
-    throw InputError(source, "line 1 is " + in_quotes(trimmed(lines[0])) + ", must be 'x,y,z'");
+  std::string_view title = lines[0];
+  // Spreadsheets write a byte order mark before UTF-8.
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (title.substr(0, kMark.size()) == kMark) title.remove_prefix(kMark.size());
+  if (trimmed(title) != "x,y,z")
+    throw InputError(source, "line 1 is " + in_quotes(trimmed(title)) + ", must be 'x,y,z'");
   std::vector<Eigen::Vector3d> points_mm;
   for (std::size_t i = 1; i < lines.size(); ++i) {
     const std::string_view line = trimmed(lines[i]);

@@ -41,7 +41,9 @@ LabelTable read_label_table(const std::filesystem::path& path) {
   LabelTable table;
   std::set<std::string> names;
   for (const std::string& key : labels.all()) {
-    LabelStyle& style = table[label_of(key, source)];
+    const auto [entry, is_new] = table.emplace(label_of(key, source), LabelStyle());
+    if (!is_new) throw InputError(source, "the label '" + key + "' is given twice");
+    LabelStyle& style = entry->second;
     io::YamlKeys keys(labels.node(key), source, labels.path_of(key));
     style.name = keys.text("name");
     if (keys.has("colour")) style.colour = colour_of(keys);
