@@ -62,7 +62,7 @@ class InitialAlignments {
       const HeldCt& ct, std::uint64_t now_ms);
 
  private:
-  /// What tells one CT from another: its frame and its checksum.
+  /// Frame and checksum tell one CT from another.
   using CtIdentity = std::pair<std::string, std::uint32_t>;
 
   static CtIdentity identity_of(const HeldCt& ct) { return {ct.header.frame_id, ct.crc32}; }

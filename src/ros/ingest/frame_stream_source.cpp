@@ -39,7 +39,7 @@ void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) cons
   const ::ros::Time shown = stamp - image_lag_;
   // tf takes the time zero for the newest transform, which is not the pose of this frame.
   if (stamp.isZero() || shown.isZero()) return;
-  // Where the clock has run back, the deadline may be far away.
+  // The deadline may be far away where the clock has run back.
   const double left_s = std::clamp(seconds_between(::ros::Time::now(), deadline), 0.0, tf_wait_s_);
   frame.set_looked_up(
       as_pose(wait_for_transform(buffer_, us_frame_, frame.frame_id, shown, left_s).transform),

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <exception>
 #include <unordered_map>
 
 #include "ros/conversions/alignment.h"
@@ -86,20 +85,14 @@ OverlaySceneKeeper::Surfaces OverlaySceneKeeper::surfaces_from(
   return surfaces;
 }
 
-void OverlaySceneKeeper::take_surface(const visualization_msgs::MarkerArray& message) {
-  std::optional<Surfaces> surfaces;
-  std::exception_ptr problem;
-  try {
-    surfaces = surfaces_from(message);
-  } catch (const InputError&) {
-    // Those before may be of another CT.
-    problem = std::current_exception();
-  }
-  {
-    const std::lock_guard lock(mutex_);
-    surfaces_ = std::move(surfaces);
-  }
-  if (problem) std::rethrow_exception(problem);
+void OverlaySceneKeeper::take_surface(const visualization_msgs::MarkerArray& message) try {
+  Surfaces surfaces = surfaces_from(message);
+  const std::lock_guard lock(mutex_);
+  surfaces_ = std::move(surfaces);
+} catch (const InputError&) {
+  const std::lock_guard lock(mutex_);
+  surfaces_.reset();  // those before may be of another CT
+  throw;
 }
 
 void OverlaySceneKeeper::take_info(const msg::CtInfo& message) {

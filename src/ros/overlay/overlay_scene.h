@@ -89,7 +89,7 @@ class OverlaySceneKeeper {
   };
   struct Surfaces {
     std::vector<Structure> structures;
-    /// Of which CT they are, if they say so.
+    /// The checksum of their CT, if they say it.
     std::optional<std::uint32_t> ct_crc32;
   };
 

@@ -141,7 +141,7 @@ nlohmann::ordered_json describe(const msg::PreScanVolume& volume) {
   constexpr std::array kKinds = {"unknown", "motorised_curvilinear", "tracked_curvilinear",
                                  "tracked_linear"};
   nlohmann::ordered_json sweep;
-  // Of a damaged bag it may be any number.
+  // A damaged bag may have any number here.
   const std::size_t type = volume.geometry.type;
   sweep["geometry"] = kKinds[type < kKinds.size() ? type : 0];
   sweep["samples_lines_frames"] = {volume.samples, volume.lines, volume.frames};
