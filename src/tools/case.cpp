@@ -4,17 +4,15 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "landmark_warning.h"
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/evaluation/fiducial_matching.h"
 #include "us_ct_registration/evaluation/fiducial_standard.h"
 #include "us_ct_registration/evaluation/study_case.h"
-#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/whole_folder.h"
-#include "us_ct_registration/registration/landmarks.h"
 
 namespace usct::tools {
 namespace {
@@ -59,54 +57,6 @@ void print(const FiducialStandard& standard) {
               standard.predicted_tre_mm(standard.centroid_us_mm));
 }
 
-/// Two landmarks of which an exchange makes the others fit best, in words; empty if none helps.
-std::string exchange_words(Points us_mm, const Points& ct_mm, double most_mm) {
-  std::string words;
-  for (std::size_t i = 0; i < us_mm.size(); ++i)
-    for (std::size_t j = i + 1; j < us_mm.size(); ++j) {
-      std::swap(us_mm[i], us_mm[j]);
-      const double mm = align_landmarks(us_mm, ct_mm).residual_mm;
-      std::swap(us_mm[i], us_mm[j]);
-      if (mm >= most_mm) continue;
-      most_mm = mm;
-      words = formatted("with points %zu and %zu of one file exchanged it would be %.2f mm", i + 1,
-                        j + 1, mm);
-    }
-  return words;
-}
-
-/// The order in which landmarks fit better than `most_mm`, in words; empty if there is none. All
-/// orders are tried of few landmarks, exchanges of two of many.
-std::string order_words(const Points& us_mm, const Points& ct_mm, double most_mm) {
-  constexpr std::size_t kFew = 8;
-  if (us_mm.size() > kFew) return exchange_words(us_mm, ct_mm, most_mm);
-  try {
-    const FiducialMatch best = match_fiducials(us_mm, ct_mm, most_mm).fitting.front();
-    if (best.fre_mm >= most_mm) return "";
-    std::string order;
-    for (const auto& [us, ct] : best.pairs)
-      order += (order.empty() ? "" : ", ") + std::to_string(ct + 1);
-    return formatted("with the points of the CT in the order %s it would be %.2f mm", order.c_str(),
-                     best.fre_mm);
-  } catch (const InputError&) {
-    return "";  // no order fits
-  }
-}
-
-/// A truth that is further off than the poses which a study counts as wrong cannot judge them, nor
-/// one of landmarks in the wrong order, which fit each other to a few mm if they lie close.
-void warn_of_large_fre(const CaseCommand& command, const StudyCase& made, double fre_mm) {
-  constexpr double kMostMm = 5.0;
-  constexpr double kUsualMm = 1.0;  // the error of a careful hand
-  const std::string order =
-      fre_mm > kUsualMm ? order_words(made.targets_us_mm, made.targets_ct_mm, 0.5 * fre_mm) : "";
-  if (fre_mm <= kMostMm && order.empty()) return;
-  print_warnings({formatted("%s and %s do not fit each other (FRE %.2f mm): ",
-                            command.landmarks[0].c_str(), command.landmarks[1].c_str(), fre_mm) +
-                  (order.empty() ? "" : order + ": ") +
-                  "check that both files have the same points in the same order"});
-}
-
 /// Sets truth and targets; returns whether positions of the targets in the CT are known.
 bool set_truth(const CaseCommand& command, StudyCase& made) {
   if (command.landmarks.empty()) {
@@ -116,7 +66,8 @@ bool set_truth(const CaseCommand& command, StudyCase& made) {
     const FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm);
     made.T_us_ct_true = standard.T_us_ct;
     print(standard);
-    warn_of_large_fre(command, made, standard.fre_mm);
+    warn_of_landmarks({command.landmarks[0], made.targets_ct_mm},
+                      {command.landmarks[1], made.targets_us_mm}, standard.fre_mm);
   }
   if (command.targets.empty()) return true;
   made.targets_us_mm = read_points_mm(command.targets);

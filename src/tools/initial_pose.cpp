@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "landmark_warning.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -24,6 +25,7 @@ Isometry3d from_landmarks(const std::string& ct_path, const std::string& us_path
   const LandmarkAlignment alignment = align_landmarks(points_us, points_ct);
   std::fprintf(stderr, "usct: landmarks: %zu pairs, RMS of what is left %.2f mm\n",
                points_ct.size(), alignment.residual_mm);
+  warn_of_landmarks({ct_path, points_ct}, {us_path, points_us}, alignment.residual_mm);
   return alignment.T_target_source;
 }
 

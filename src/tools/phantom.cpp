@@ -143,10 +143,17 @@ void add_anatomy_knobs(CLI::App& app, PhantomCommand& command) {
   group->add_flag("--no-stone", command.no_stone, "patient without kidney stone");
 }
 
+/// All options of a group are without effect unless one of them is given.
+void all_need(CLI::Option* first, CLI::App& group) {
+  for (CLI::Option* option : group.get_options([&](CLI::Option* one) { return one != first; }))
+    option->needs(first);
+}
+
 void add_from_ct_options(CLI::App& app, PhantomCommand& command) {
   CLI::App* group = app.add_option_group("Scene from-ct");
   phantom::FromCtOptions& o = command.knobs.from_ct;
-  group->add_option("--ct", command.ct, "the CT that becomes the anatomy: file or DICOM folder");
+  CLI::Option* ct = group->add_option("--ct", command.ct,
+                                      "the CT that becomes the anatomy: file or DICOM folder");
   group->add_option("--labels", command.labels, "label map: volume, any grid");
   group->add_option("--label", command.tissues,
                     "tissue of a label, LABEL=TISSUE; cortex stands for a whole kidney");
@@ -163,6 +170,7 @@ void add_from_ct_options(CLI::App& app, PhantomCommand& command) {
       ->capture_default_str();
   group->add_option("--added-noise", o.added_noise_hu, "noise added to the CT, HU")
       ->capture_default_str();
+  all_need(ct, *group);
 }
 
 void add_ct_knobs(CLI::App& app, PhantomCommand& command) {
@@ -246,9 +254,10 @@ void add_ultrasound_knobs(CLI::App& app, PhantomCommand& command) {
 void add_endoscope_knobs(CLI::App& app, PhantomCommand& command) {
   CLI::App* group = app.add_option_group("Endoscope");
   phantom::EndoscopeOptions& o = command.endoscope;
-  group->add_flag("--endoscope", command.with_endoscope,
-                  "also renders the video of a stereo endoscope that looks at the tumour, into the "
-                  "folder endoscope; scene patient");
+  CLI::Option* endoscope = group->add_flag(
+      "--endoscope", command.with_endoscope,
+      "also renders the video of a stereo endoscope that looks at the tumour, into the "
+      "folder endoscope; scene patient");
   const auto knob = [&](const std::string& name, auto& value, const std::string& help) {
     group->add_option("--endoscope-" + name, value, help)->capture_default_str();
   };
@@ -265,6 +274,7 @@ void add_endoscope_knobs(CLI::App& app, PhantomCommand& command) {
   knob("breathing-period-s", o.breathing_period_s, "duration of a breath, s");
   knob("instruments", o.instruments, "0, 1 or 2 that hide parts of the view");
   knob("noise", o.noise, "standard deviation, grey levels");
+  all_need(endoscope, *group);
 }
 
 }  // namespace

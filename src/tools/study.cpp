@@ -209,6 +209,8 @@ int run_cases(const StudyCommand& command) {
 }
 
 int run_study(const StudyCommand& command) {
+  if (!fs::exists(command.inputs.front()))
+    throw InputError(command.inputs.front(), "does not exist");
   const bool is_file = fs::is_regular_file(command.inputs.front());
   if (is_file && command.inputs.size() > 1)
     throw InputError(command.inputs.front(), "is a study file, must be given alone");

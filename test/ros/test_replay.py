@@ -283,11 +283,11 @@ class TestReplay(unittest.TestCase):
         self.system.play_bag(self.acquisition.next_bag(0, pause_s=5), "-l")
         self.system.client("acquired", self.acquisition.start_s)
         self.system.client("next_loop", "/player")
-        self.system.client("initial", self.acquisition.initial)
-        # Another CT than the one before, which would keep its stamp.
+        # Another CT than the one before, which would keep its stamp, and whose alignments do not hold for it.
         for call in (("/ct/roi", "{decimation: 2}"), ("/ct/load", "ct.nrrd", "")):
             run(["rosservice", "call", *call], self.system.environment)
         wait_for(lambda: code() == StatusCode.ULTRASOUND_OUTDATED, "the new CT")
+        self.system.client("initial", self.acquisition.initial)
         for _ in range(2):
             self.system.client("next_loop", "/player")
             self.assertIn(code(), (StatusCode.REGISTERED, StatusCode.LOW_CONFIDENCE))

@@ -94,6 +94,11 @@ Sweep first_guess(const std::vector<Observation>& observations, double true_dist
   const double zero = middle - 0.5 * parabola[1] / parabola[2];
   const double first = observations.front().frame;
   const double last = observations.back().frame;
+  // Rounding alone makes a parabola of distances that are all the same.
+  constexpr double kLeastRiseMm = 0.01;
+  if (distances.maxCoeff() - distances.minCoeff() < kLeastRiseMm)
+    throw InputError(
+        source, "the distance of the wires is the same in all frames: the motor has not moved");
   if (!(parabola[2] > 0.0) || !(zero > first && zero < last))
     throw InputError(source,
                      "the distance of the wires has no minimum within the sweep (vertex of the "

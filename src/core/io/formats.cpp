@@ -139,7 +139,9 @@ const std::vector<FileFormat>& file_formats() {
 const FileFormat& detect_format(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) throw InputError(path.string(), "does not exist");
+  if (status.type() == std::filesystem::file_type::not_found)
+    throw InputError(path.string(), "does not exist");
+  if (error) throw InputError(path.string(), "cannot be opened: " + error.message());
   // The readers refuse an empty or unreadable file as well, but not every row reads the file.
   if (!std::filesystem::is_directory(status)) io::read_prefix(path, 1);
   std::string names;

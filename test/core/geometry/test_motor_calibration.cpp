@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 
+#include "core/io/expect_input_error.h"
 #include "random_geometry.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -115,6 +116,14 @@ RC_GTEST_PROP(MotorCalibration, IsExactWithoutNoise, ()) {
 
 // Near zero angle noise makes h < d, where eq 3.1 has no solution: such frames are named, never
 // NaN.
+TEST(MotorCalibration, AMotorThatDoesNotMoveIsRefused) {
+  WireDistances distances;
+  distances.true_distance_mm = 10.0;
+  distances.volumes.assign(1, std::vector<double>(41, 10.0));
+  test::expect_input_error([&] { calibrate_motor(distances, {}, "wires.csv"); },
+                           {"wires.csv", "is the same in all frames"});
+}
+
 TEST(MotorCalibration, FramesBelowTheTrueDistanceAreNamed) {
   const WireDistances distances = sweep_wires(two_halves(97, 47.3, 0.611, 0.747), 1, 0.15, 7);
   const MotorCalibration result = calibrate_motor(distances, {}, "wires.csv");

@@ -86,6 +86,10 @@ TEST_F(SimulateCommand, AWrongPoseExplainsLess) {
   write_T_us_ct(wrong, path("wrong.tfm"));
   ASSERT_EQ(simulate({"--transform", path("truth.tfm"), "--no-auto-depth"}).exit_status, 0);
   const double at_truth = summary()["lc2"];
+  // Images of two poses must not lie beside each other in one folder.
+  EXPECT_EQ(simulate({"--transform", path("wrong.tfm"), "--no-auto-depth"}).exit_status, 2);
+  EXPECT_EQ(summary()["lc2"], at_truth);
+  std::filesystem::remove_all(path("out"));
   ASSERT_EQ(simulate({"--transform", path("wrong.tfm"), "--no-auto-depth"}).exit_status, 0);
   EXPECT_LT(summary()["lc2"], at_truth - 0.2);
 }

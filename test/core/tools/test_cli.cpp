@@ -269,6 +269,17 @@ TEST_F(Cli, UltrasoundAlongTheBeamsIsWrittenInTheFormatOfItsEnding) {
   EXPECT_FALSE(std::filesystem::exists(path("out.mha")));
 }
 
+TEST_F(Cli, OptionsOfWhatIsNotAskedForAreRefused) {
+  const std::vector<std::string> phantom{"phantom", "--output", path("case")};
+  for (const auto& [option, needed] :
+       {std::pair("--labels", "--ct"), std::pair("--endoscope-frames", "--endoscope")}) {
+    std::vector<std::string> arguments = phantom;
+    arguments.insert(arguments.end(), {option, "3"});
+    expect_refused(arguments, std::string(option) + " requires " + needed);
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("case")));
+}
+
 /// The folder of a case holds a ct.nrrd of its own.
 TEST_F(Cli, SimulateMakesAFolderAndNeverWritesIntoOne) {
   write_volume(sampled(example_grids().front().grid), path("ct.nrrd"));

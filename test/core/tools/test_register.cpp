@@ -173,6 +173,15 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
   EXPECT_LT(mean_error_mm(*read_result(path("result.json")).T_us_ct * expected.T_us_ct->inverse() *
                           T_true_),
             0.5);
+  EXPECT_EQ(outcome.errors.find("do not fit"), std::string::npos) << outcome.errors;
+
+  std::swap(points_us[1], points_us[3]);
+  write_points_mm(points_us, path("us.csv"));
+  const Outcome exchanged =
+      run({"--landmarks", path("ct.csv"), path("us.csv"), "--options", options()});
+  EXPECT_NE(exchanged.errors.find("with the points of the CT in the order 1, 4, 3, 2"),
+            std::string::npos)
+      << exchanged.errors;
 
   points_us.pop_back();
   write_points_mm(points_us, path("us.csv"));

@@ -225,6 +225,10 @@ TEST_F(Study, BadArgumentsEndWithStatusTwo) {
       run_usct({"study", path("agar_1"), "--output", path("absent/study.json")});
   EXPECT_EQ(no_folder.exit_status, 2);
   EXPECT_NE(no_folder.errors.find("--output"), std::string::npos) << no_folder.errors;
+  refused({path("absent")}, "absent");
+  const Outcome absent = run_usct({"study", path("absent.yaml")});
+  EXPECT_EQ(absent.exit_status, 2);
+  EXPECT_NE(absent.errors.find("absent.yaml: does not exist"), std::string::npos) << absent.errors;
   refused({"--box-mm", "nan"}, "--box-mm: is 'nan', must be finite");
   // Before the work: the JSON of an earlier study stays.
   std::ofstream(path("study.json")) << "earlier";

@@ -1,0 +1,62 @@
+#include "landmark_warning.h"
+
+#include "inputs.h"
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/evaluation/fiducial_matching.h"
+#include "us_ct_registration/formatted.h"
+#include "us_ct_registration/registration/landmarks.h"
+
+namespace usct::tools {
+namespace {
+
+using Points = std::vector<Eigen::Vector3d>;
+
+/// Two landmarks of which an exchange makes the others fit best, in words; empty if none helps.
+std::string exchange_words(Points us_mm, const Points& ct_mm, double most_mm) {
+  std::string words;
+  for (std::size_t i = 0; i < us_mm.size(); ++i)
+    for (std::size_t j = i + 1; j < us_mm.size(); ++j) {
+      std::swap(us_mm[i], us_mm[j]);
+      const double mm = align_landmarks(us_mm, ct_mm).residual_mm;
+      std::swap(us_mm[i], us_mm[j]);
+      if (mm >= most_mm) continue;
+      most_mm = mm;
+      words = formatted("with points %zu and %zu of one file exchanged it would be %.2f mm", i + 1,
+                        j + 1, mm);
+    }
+  return words;
+}
+
+/// The order in which landmarks fit better than `most_mm`, in words; empty if there is none. All
+/// orders are tried of few landmarks, exchanges of two of many.
+std::string order_words(const Points& us_mm, const Points& ct_mm, double most_mm) {
+  constexpr std::size_t kFew = 8;
+  if (us_mm.size() > kFew) return exchange_words(us_mm, ct_mm, most_mm);
+  try {
+    const FiducialMatch best = match_fiducials(us_mm, ct_mm, most_mm).fitting.front();
+    if (best.fre_mm >= most_mm) return "";
+    std::string order;
+    for (const auto& [us, ct] : best.pairs)
+      order += (order.empty() ? "" : ", ") + std::to_string(ct + 1);
+    return formatted("with the points of the CT in the order %s it would be %.2f mm", order.c_str(),
+                     best.fre_mm);
+  } catch (const InputError&) {
+    return "";  // no order fits
+  }
+}
+
+}  // namespace
+
+void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fre_mm) {
+  constexpr double kMostMm = 5.0;
+  constexpr double kUsualMm = 1.0;  // the error of a careful hand
+  const std::string order =
+      fre_mm > kUsualMm ? order_words(us.points_mm, ct.points_mm, 0.5 * fre_mm) : "";
+  if (fre_mm <= kMostMm && order.empty()) return;
+  print_warnings({formatted("%s and %s do not fit each other (FRE %.2f mm): ", ct.path.c_str(),
+                            us.path.c_str(), fre_mm) +
+                  (order.empty() ? "" : order + ": ") +
+                  "check that both files have the same points, in mm, in the same order"});
+}
+
+}  // namespace usct::tools
