@@ -140,7 +140,9 @@ TEST(PhantomCommand, RefusesBeforeItWorks) {
       {{"--output", target, "--contrast", "7"}, "contrast"},
       {{"--output", target, "--scene", "from-ct"}, "--ct"},
       {{"--output", target, "--ct", "x.nrrd"}, "--ct"},
-      {{"--output", target, "--label", "kidney"}, "LABEL=TISSUE"},
+      {{"--output", target, "--label", "1=cortex"}, "--label requires --ct"},
+      {{"--output", target, "--scene", "from-ct", "--ct", "x.nrrd", "--label", "kidney"},
+       "LABEL=TISSUE"},
       {{"--output", target, "--ct-format", "jpg"}, "jpg"},
       {{"--output", (folder.path() / "no" / "where").string()}, "does not exist"},
       {{"--scene", "agar"}, "--output"}};
