@@ -134,7 +134,7 @@ def without_announced_end(bag, path):
 class Live(test_replay.System):
     """The user's launch file with a master of its own."""
 
-    def __init__(self, folder, jump_window_s):
+    def __init__(self, folder, jump_window_s=None):
         super().__init__(folder, None)
         self.jump_window_s = jump_window_s
 
