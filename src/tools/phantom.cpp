@@ -143,7 +143,7 @@ void add_anatomy_knobs(CLI::App& app, PhantomCommand& command) {
   group->add_flag("--no-stone", command.no_stone, "patient without kidney stone");
 }
 
-/// All options of a group are without effect unless one of them is given.
+/// Refuses all other options of a group unless `first` is given, without which they have no effect.
 void all_need(CLI::Option* first, CLI::App& group) {
   for (CLI::Option* option : group.get_options([&](CLI::Option* one) { return one != first; }))
     option->needs(first);
