@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "registration_client.h"
+#include "ros/conversions/surface_markers.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -54,6 +55,7 @@ class UsCloudNode : public testing::Test {
         proposed_(node_.advertise<msg::Alignment>("registration/proposed", 1)),
         us_cloud_(node_, "us/cloud"),
         ct_cloud_(node_, "ct/cloud"),
+        placed_markers_(node_, "ct/surface_placed"),
         proposed_markers_(node_, "ct/surface_proposed"),
         diagnostics_(node_, "/diagnostics") {
     for (const ::ros::Publisher* publisher : {&us_, &ct_, &surface_, &alignment_, &proposed_})
@@ -91,6 +93,7 @@ class UsCloudNode : public testing::Test {
   ::ros::Publisher proposed_;
   Newest<sensor_msgs::PointCloud2> us_cloud_;
   Newest<sensor_msgs::PointCloud2> ct_cloud_;
+  Newest<MarkerArray> placed_markers_;
   Newest<MarkerArray> proposed_markers_;
   Newest<diagnostic_msgs::DiagnosticArray> diagnostics_;
 };
@@ -153,6 +156,32 @@ TEST_F(UsCloudNode, MarksWhatWaitsForAPersonUntilItIsDecided) {
   proposed_markers_.wait(is_shown);
   proposed_.publish(alignment(msg::Alignment::NONE, 0));
   proposed_markers_.wait(is_gone);
+}
+
+TEST_F(UsCloudNode, NeverPlacesTheSurfacesOfAnotherCt) {
+  const msg::CtVolume ct = to_message(agar().ct, header("ct", ::ros::Time::now()), 5);
+  ct_.publish(ct);
+  cloud_of_moving(0.0, true, "us_cloud_surfaces");
+  Surface triangle;
+  triangle.points_mm = {{0, 0, 0}, {10, 0, 0}, {0, 20, 0}};
+  triangle.triangles = {{0, 1, 2}};
+  const auto surfaces_of = [&](std::uint32_t ct_crc32) {
+    return to_markers({{2, triangle}}, {}, "ct", ct_crc32);
+  };
+  const auto triangles = [](const MarkerArray& array) {
+    return std::count_if(array.markers.begin(), array.markers.end(),
+                         [](const Marker& marker) { return !marker.points.empty(); });
+  };
+  const auto are_shown = [&](const MarkerArray& array) { return triangles(array) == 1; };
+  const auto are_gone = [&](const MarkerArray& array) { return triangles(array) == 0; };
+  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  surface_.publish(surfaces_of(ct.crc32));
+  placed_markers_.wait(are_shown);
+  surface_.publish(surfaces_of(ct.crc32 + 1));
+  placed_markers_.wait(are_gone);
+  // Those of the next CT, once its alignment is in force.
+  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32 + 1));
+  placed_markers_.wait(are_shown);
 }
 
 TEST_F(UsCloudNode, SaysInDiagnosticsWhyUltrasoundIsNotShown) {
