@@ -18,6 +18,8 @@ constexpr double kLeastReachMm = 1.0;
 /// A scanner shows fewer images than a grabber captures, and the probe moves on while they are the
 /// same. If it moves by more than this, the picture is frozen.
 constexpr double kFrozenMm = 5.0;
+/// If the probe moves by more than this from one image to the next, a hole is left between them.
+constexpr double kHoleMm = 5.0;
 /// Largest share of the probe's path with a frozen picture.
 constexpr double kMostFrozenShare = 0.5;
 
@@ -27,41 +29,65 @@ struct Seen {
   const std::vector<std::uint8_t>* brightness;
 };
 
-/// Requires that the probe moves, and the images with it. Returns a warning about a part of the
-/// sweep with a frozen picture, or an empty text. At least one image was seen.
-std::string require_change(const std::vector<Seen>& path, const std::string& source) {
-  double reach_mm = 0.0;
+/// The probe's path, in mm, and the parts of it that no image shows.
+struct Path {
+  double reach_mm = 0.0;  // the farthest from its start
   double length_mm = 0.0;
-  double frozen_mm = 0.0;
-  const Seen* first = &path.front();  // of the images that are the same
-  double same_mm = 0.0;               // reach of the probe since then
+  double frozen_mm = 0.0;  // with a picture that does not change
+  double unseen_mm = 0.0;  // between images that lie far apart
+};
+
+/// At least one image was seen.
+Path path_of(const std::vector<Seen>& all) {
+  Path path;
+  const Seen* before = &all.front();
+  const Seen* first = &all.front();  // of the images that are the same
+  double same_mm = 0.0;              // reach of the probe since then
   const auto end_same = [&] {
-    if (same_mm > kFrozenMm) frozen_mm += same_mm;
+    if (same_mm > kFrozenMm) path.frozen_mm += same_mm;
     same_mm = 0.0;
   };
-  for (const Seen& seen : path) {
-    reach_mm = std::max(reach_mm, (seen.p_mm - path.front().p_mm).norm());
+  for (const Seen& seen : all) {
+    path.reach_mm = std::max(path.reach_mm, (seen.p_mm - all.front().p_mm).norm());
     const double away_mm = (seen.p_mm - first->p_mm).norm();
     if (seen.brightness == first->brightness) {
       same_mm = std::max(same_mm, away_mm);
-      continue;
+    } else {
+      const double step_mm = (seen.p_mm - before->p_mm).norm();
+      if (step_mm > kHoleMm) path.unseen_mm += step_mm;
+      end_same();
+      path.length_mm += away_mm;
+      first = &seen;
     }
-    end_same();
-    length_mm += away_mm;
-    first = &seen;
+    before = &seen;
   }
-  length_mm += same_mm;
+  path.length_mm += same_mm;
   end_same();
-  if (reach_mm < kLeastReachMm)
-    throw InputError(source, "the probe moves by " + formatted("%.2f", reach_mm) +
+  return path;
+}
+
+std::string of_path(double part_mm, const Path& path) {
+  return formatted("%.0f", part_mm) + " mm of the probe's path of " +
+         formatted("%.0f", path.length_mm) + " mm";
+}
+
+/// Requires that the probe moves, and the images with it. Returns a warning about the parts of the
+/// path that no image shows, or an empty text.
+std::string require_change(const Path& path, const std::string& source) {
+  if (path.reach_mm < kLeastReachMm)
+    throw InputError(source, "the probe moves by " + formatted("%.2f", path.reach_mm) +
                                  " mm only, must move by 1 mm or more: it was held still, or tf "
                                  "does not follow it");
-  if (frozen_mm == 0.0) return {};
-  const std::string frozen = "the images do not change over " + formatted("%.0f", frozen_mm) +
-                             " mm of the probe's path of " + formatted("%.0f", length_mm) + " mm";
-  if (frozen_mm > kMostFrozenShare * length_mm)
-    throw InputError(source, frozen + ": the picture is frozen, or the probe has no contact");
-  return frozen;
+  std::string warning;
+  if (path.frozen_mm > 0.0) {
+    warning = "the images do not change over " + of_path(path.frozen_mm, path);
+    if (path.frozen_mm > kMostFrozenShare * path.length_mm)
+      throw InputError(source, warning + ": the picture is frozen, or the probe has no contact");
+  }
+  if (path.unseen_mm > 0.0)
+    warning += (warning.empty() ? "" : "; ") + ("no image shows " + of_path(path.unseen_mm, path)) +
+               ": images were lost on their way, or the probe moved too fast for them";
+  return warning;
 }
 
 /// Places the images of one sweep.
@@ -78,7 +104,7 @@ class Placing {
     choose_lag(known, result);
     if (result.corrected_lag_s != options_.image_lag_s) look_up(result.corrected_lag_s);
     require_poses();
-    result.warning = require_change(path(), name_);
+    result.warning = require_change(path_of(path()), name_);
     result.dropped = dropped();
     result.assembled = volume_of_sweep(frames_, result.corrected_lag_s, name_, result.dropped);
     return result;

@@ -22,7 +22,8 @@ namespace msg = us_ct_registration;
 using Code = msg::StatusCode;
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr std::uint32_t kImageQueue = 30;
+/// A second of a fast scanner, in which the node may have to wait for a processor.
+constexpr std::uint32_t kImageQueue = 100;
 
 std::string counted(const Counts& counts) {
   std::string text;

@@ -197,6 +197,20 @@ TEST(PlaceImages, RefusesWhatDoesNotChange) {
                      {"the probe moves by 0.", "1 mm"});
 }
 
+TEST(PlaceImages, SaysWhereImagesWereLost) {
+  Live live(unsteady(0.0));
+  live.along_mm = [](double t) { return 10.0 * t; };  // 0.5 mm from one image to the next
+  const auto warning_without = [&](int first, int count) {
+    ImageSweep sweep(live.options, 2);
+    for (int i = 0; i < live.count(); ++i)
+      if (i < first || i >= first + count) sweep.add(nanoseconds(kInterval_s * i), live.image(i));
+    return place_images(sweep, live.poses(), {}).warning;
+  };
+  EXPECT_EQ(warning_without(60, 0), "");
+  EXPECT_EQ(warning_without(60, 8), "");  // a hole of 4.5 mm
+  EXPECT_THAT(warning_without(60, 19), HasSubstr("no image shows 10 mm of the probe's path"));
+}
+
 TEST(PlaceImages, RefusesTooManyImagesWithoutAPoseAndLeavesOutFew) {
   Live live(unsteady(0.0));
   live.options.correct_lag = false;
