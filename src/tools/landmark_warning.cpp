@@ -1,5 +1,7 @@
 #include "landmark_warning.h"
 
+#include <Eigen/Geometry>
+
 #include "inputs.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/fiducial_matching.h"
@@ -45,9 +47,22 @@ std::string order_words(const Points& us_mm, const Points& ct_mm, double most_mm
   }
 }
 
+/// Landmarks of a kidney lie centimetres apart; in metres, hundredths.
+void warn_of_metres(const LandmarkFile& file) {
+  constexpr double kLeastMm = 1.0;
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& point : file.points_mm) box.extend(point);
+  const double extent_mm = box.diagonal().norm();
+  if (extent_mm < kLeastMm)
+    print_warnings({formatted("%s: all points lie within %.3g mm: are they in metres?",
+                              file.path.c_str(), extent_mm)});
+}
+
 }  // namespace
 
 void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fre_mm) {
+  warn_of_metres(ct);
+  warn_of_metres(us);
   constexpr double kMostMm = 5.0;
   constexpr double kUsualMm = 1.0;  // the error of a careful hand
   const std::string order =

@@ -14,6 +14,17 @@
 namespace usct::tools {
 namespace {
 
+/// CLI11 says of a subcommand that it does not know that one is required.
+void require_known_subcommand(const CLI::App& app, const std::string& name) {
+  if (name.empty() || name.front() == '-') return;
+  std::string known;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (sub->check_name(name)) return;
+    known += (known.empty() ? "" : ", ") + sub->get_name();
+  }
+  throw InputError("subcommand", "is '" + name + "', must be one of " + known);
+}
+
 /// All options that the command line gives.
 void add_given(const CLI::App& app, std::vector<const CLI::Option*>& given) {
   for (const CLI::Option* option : app.get_options())
@@ -61,6 +72,7 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   app.set_version_flag("--version", USCT_VERSION);
   app.require_subcommand(1);
   app.footer("Exit status: 0 done, 1 failed, 2 bad arguments or input, 3 registration refused.");
+  if (argc > 1) require_known_subcommand(app, argv[1]);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

@@ -28,12 +28,12 @@ constexpr auto words_of(StartRegion) {
 
 struct StartOptions {
   StartRegion region = StartRegion::kBox;
-  /// Number of starts, including the initial pose; >= 1.
+  /// Number of starts, including the initial pose; 1 to a million.
   int count = 512;
   /// Half the width of the box (at most 103 degrees, so that no rotation exceeds 180), or the
   /// radius of the ball (at most 180 degrees); >= 0.
   double rotation_rad = 25.0 * kDegree;
-  /// Half the width of the box, or the radius of the ball; >= 0.
+  /// Half the width of the box, or the radius of the ball; 0 to 1000.
   double translation_mm = 25.0;
 
   /// Throws InputError, naming `source`, unless all fields satisfy the constraints above.

@@ -2,10 +2,8 @@
 
 #include <boost/random/sobol.hpp>
 #include <cmath>
-#include <limits>
-#include <sstream>
 
-#include "us_ct_registration/error.h"
+#include "require.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
@@ -48,20 +46,15 @@ PoseVector start(const PoseParameters& pose, const StartOptions& options, const 
       options.translation_mm * std::cbrt(u[3]) * direction(u[4], u[5]));
 }
 
-void require_within(double value, double high, const char* name, const std::string& source) {
-  if (std::isfinite(value) && value >= 0.0 && value <= high) return;
-  std::ostringstream violation;
-  violation << "'" << name << "' is " << value << ", must be within [0, " << high << "]";
-  throw InputError(source, violation.str());
-}
-
 }  // namespace
 
 void StartOptions::validate(const std::string& source) const {
-  if (count < 1) throw InputError(source, "'count' is " + std::to_string(count) + ", must be >= 1");
-  require_within(rotation_rad, region == StartRegion::kBox ? kPi / std::sqrt(3.0) : kPi,
-                 "rotation_rad", source);
-  require_within(translation_mm, std::numeric_limits<double>::max(), "translation_mm", source);
+  constexpr int kMostStarts = 1000000;         // of some hundred bytes each
+  constexpr double kMostTranslationMm = 1000;  // no CT reaches farther
+  require_within(source, "count", count, 1, kMostStarts);
+  require_within(source, "rotation_rad", rotation_rad, 0.0,
+                 region == StartRegion::kBox ? kPi / std::sqrt(3.0) : kPi);
+  require_within(source, "translation_mm", translation_mm, 0.0, kMostTranslationMm);
 }
 
 std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options) {

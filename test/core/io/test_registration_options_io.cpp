@@ -283,7 +283,7 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
                  {"'search.levels[0].similarity.patches.samples' is 'some'", "all, half"});
   expect_refused(level("similarity: {patches: {least_share: 0}}"),
                  {"'search.levels[0].similarity.patches.least_share' is 0"});
-  expect_refused(search("starts: {count: 0}"), {"'search.starts.count' is 0", ">= 1"});
+  expect_refused(search("starts: {count: 0}"), {"'search.starts.count' is 0", "[1, 1e+06]"});
   expect_refused(search("starts: {rotation_deg: 104}"),
                  {"'search.starts.rotation_deg' is 104", "[0, 103.92]"});
   expect_refused(search("starts: {rotation_deg: -1}"), {"'search.starts.rotation_deg' is -1"});

@@ -154,7 +154,10 @@ TEST(Starts, BadOptionsAreNamed) {
     expect_input_error([&] { spread_starts(example_pose(), options); }, named);
   };
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-  expect_refused([](StartOptions& o) { o.count = 0; }, {"'count'", "0", "1"});
+  expect_refused([](StartOptions& o) { o.count = 0; }, {"'count' is 0", "[1, 1e+06]"});
+  expect_refused([](StartOptions& o) { o.count = 2000000000; }, {"'count' is 2e+09"});
+  expect_refused([](StartOptions& o) { o.translation_mm = 1e200; },
+                 {"'translation_mm' is 1e+200", "[0, 1000]"});
   expect_refused([](StartOptions& o) { o.rotation_rad = -0.1; }, {"'rotation_rad'", "-0.1"});
   expect_refused([](StartOptions& o) { o.rotation_rad = 2.0; }, {"'rotation_rad'", "2", "1.8"});
   expect_refused([](StartOptions& o) { o.rotation_rad = kNaN; }, {"'rotation_rad'", "nan"});

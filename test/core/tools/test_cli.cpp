@@ -74,7 +74,7 @@ TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
 
 TEST_F(Cli, BadArgumentsEndWithStatusTwo) {
   expect_refused({}, "A subcommand is required");
-  expect_refused({"registre"}, "subcommand");
+  expect_refused({"registre"}, "subcommand: is 'registre', must be one of info, convert");
   expect_refused({"info"}, "path");
   expect_refused({"info", path("absent.nrrd")}, path("absent.nrrd") + ": does not exist");
   expect_refused({"convert", path("absent.nrrd"), path("out.nrrd"), "--scan-convert", "0"}, "0.05");

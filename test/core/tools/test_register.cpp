@@ -183,6 +183,16 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
             std::string::npos)
       << exchanged.errors;
 
+  std::vector<Vector3d> points_ct_m;
+  for (const Vector3d& p : points_ct) points_ct_m.push_back(0.001 * p);
+  write_points_mm(points_ct_m, path("ct_m.csv"));
+  const Outcome metres =
+      run({"--landmarks", path("ct_m.csv"), path("us.csv"), "--options", options()});
+  EXPECT_NE(metres.errors.find("ct_m.csv: all points lie within 0.0707 mm: are they in metres?"),
+            std::string::npos)
+      << metres.errors;
+  EXPECT_EQ(metres.errors.find(path("us.csv") + ": all points"), std::string::npos);
+
   points_us.pop_back();
   write_points_mm(points_us, path("us.csv"));
   std::filesystem::remove(path("result.json"));
