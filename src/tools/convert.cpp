@@ -45,10 +45,18 @@ PreScanVolume along_beams(const Volume<T>& volume, const ConvertOptions& options
   PreScanVolume result = read_prescan_nrrd(options.along_beams);
   Eigen::Isometry3d T_volume_us = Eigen::Isometry3d::Identity();
   if (!options.transform.empty()) T_volume_us = read_T_us_ct(options.transform).inverse();
-  const std::vector<float> samples = sample_along_beams(
-      volume, beam_grid(result.geometry), T_volume_us, Interpolation::kTrilinear,
-      Outside::constant(static_cast<float>(low)), progress_bar("along beams", options.quiet));
+  constexpr float kOutside = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<float> samples =
+      sample_along_beams(volume, beam_grid(result.geometry), T_volume_us, Interpolation::kTrilinear,
+                         Outside::constant(kOutside), progress_bar("along beams", options.quiet));
+  const auto is_outside = [](float value) { return std::isnan(value); };
+  if (std::all_of(samples.begin(), samples.end(), is_outside))
+    throw InputError(
+        options.input,
+        "no beam of '" + options.along_beams + "' meets it " +
+            (options.transform.empty() ? "without --transform" : "by '" + options.transform + "'"));
   std::transform(samples.begin(), samples.end(), result.voxels.begin(), [&](float value) {
+    if (is_outside(value)) return std::uint8_t{0};
     const double scaled = 255.0 * (value - low) / (high - low);
     return static_cast<std::uint8_t>(std::clamp(std::nearbyint(scaled), 0.0, 255.0));
   });

@@ -8,6 +8,7 @@
 
 #include "commands.h"
 #include "exit_status.h"
+#include "inputs.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/camera_file.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -62,6 +63,7 @@ std::vector<OverlayStructure> structures_of(const OverlayCommand& command) {
     one.opacity = command.opacity;
     structures.push_back(std::move(one));
   }
+  if (structures.empty()) throw InputError(command.labels, "has no voxel with a label");
   for (const std::string& band : command.bands) {
     const auto found = std::find_if(structures.begin(), structures.end(),
                                     [&](const OverlayStructure& one) { return one.name == band; });
@@ -86,6 +88,9 @@ int run_overlay(const OverlayCommand& command) {
     std::printf("%s: %zu triangles, %zu pixels\n", structures[i].name.c_str(),
                 structures[i].surface->triangles.size(), coverage[i]);
   }
+  if (std::all_of(coverage.begin(), coverage.end(), [](std::size_t n) { return n == 0; }))
+    print_warnings(
+        {"no structure of '" + command.labels + "' lies in the picture by '" + command.pose + "'"});
   write_png(picture, command.output);
   std::printf("%s\n", command.output.c_str());
   return kDone;

@@ -168,6 +168,12 @@ TEST_F(Cli, ScanConversionAndItsInverseKeepWhatIsWhere) {
   for (int f = 2; f < 38; ++f)
     for (int l = 2; l < 46; ++l)
       for (int s = 2; s < 58; ++s) EXPECT_NEAR(back.at(s, l, f), original.at(s, l, f), 3);
+
+  write_T_us_ct(Eigen::Isometry3d(Eigen::Translation3d(1000, 0, 0)), path("far.tfm"));
+  expect_refused({"convert", path("space.nrrd"), path("far.nrrd"), "--along-beams", path("us.nrrd"),
+                  "--window", "0", "255", "--transform", path("far.tfm")},
+                 "meets it by '" + path("far.tfm"));
+  EXPECT_FALSE(std::filesystem::exists(path("far.nrrd")));
 }
 
 TEST_F(Cli, NormalisedUltrasoundDoesNotDependOnGainOrBackground) {
@@ -261,8 +267,8 @@ TEST_F(Cli, NumbersThatAreNotFiniteAreRefused) {
 }
 
 TEST_F(Cli, UltrasoundAlongTheBeamsIsWrittenInTheFormatOfItsEnding) {
-  write_volume(sampled(example_grids().front().grid), path("a.nrrd"));
   write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  run({"convert", path("us.nrrd"), path("a.nrrd"), "--scan-convert", "2", "--quiet"});
   expect_refused({"convert", path("a.nrrd"), path("out.mha"), "--along-beams", path("us.nrrd"),
                   "--window", "0", "100"},
                  "out.mha");
