@@ -85,8 +85,9 @@ std::string require_change(const Path& path, const std::string& source) {
       throw InputError(source, warning + ": the picture is frozen, or the probe has no contact");
   }
   if (path.unseen_mm > 0.0)
-    warning += (warning.empty() ? "" : "; ") + ("no image shows " + of_path(path.unseen_mm, path)) +
-               ": images were lost on their way, or the probe moved too fast for them";
+    warning += (warning.empty() ? "" : "; ") +
+               ("no image with a pose shows " + of_path(path.unseen_mm, path)) +
+               ": images or poses were lost on their way, or the probe moved too fast";
   return warning;
 }
 

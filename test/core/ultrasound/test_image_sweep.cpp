@@ -208,7 +208,8 @@ TEST(PlaceImages, SaysWhereImagesWereLost) {
   };
   EXPECT_EQ(warning_without(60, 0), "");
   EXPECT_EQ(warning_without(60, 8), "");  // a hole of 4.5 mm
-  EXPECT_THAT(warning_without(60, 19), HasSubstr("no image shows 10 mm of the probe's path"));
+  EXPECT_THAT(warning_without(60, 19),
+              HasSubstr("no image with a pose shows 10 mm of the probe's path"));
 }
 
 TEST(PlaceImages, RefusesTooManyImagesWithoutAPoseAndLeavesOutFew) {

@@ -226,6 +226,22 @@ TEST_F(LiveImages, BadImagesAreRefusedWithTheReason) {
               AllOf(HasSubstr("no pose"), HasSubstr("past")));
 }
 
+TEST_F(LiveImages, ImagesThatNeverArriveAreNamed) {
+  const ::ros::Time start = start_of(4.0);
+  move_probe(start, 4.0, pose);
+  start_with(image(start, seen_at(pose(0.0))));
+  // 0.8 s without images, in which the probe moves by about 8 mm.
+  for (int i = 0; i < 80; ++i)
+    if (i < 30 || i >= 45)
+      send(image(start + ::ros::Duration(kInterval_s * i), seen_at(pose(kInterval_s * i))));
+  ::ros::WallDuration(0.2).sleep();
+  const Code answer = call(end_);
+  ASSERT_EQ(answer.code, Code::OK) << answer.message;
+  EXPECT_THAT(answer.message, HasSubstr("no image with a pose shows"));
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::WARN,
+                                   "no image with a pose shows"));
+}
+
 TEST_F(LiveImages, SweepsThatCannotBeUsedAreRefusedWithTheReason) {
   EXPECT_TRUE(eventually([&] {  // of the test before
     return call(end_).code == Code::NOT_RUNNING;
