@@ -1,8 +1,11 @@
 #include "ros/guarded_queue.h"
 
 #include <ros/console.h>
+#include <ros/init.h>
 
 #include <boost/make_shared.hpp>
+#include <chrono>
+#include <future>
 
 namespace usct::ros_interface {
 namespace {
@@ -25,11 +28,33 @@ class GuardedCallback : public ::ros::CallbackInterface {
   const ::ros::CallbackInterfacePtr callback_;
 };
 
+/// Says that its turn has come.
+class Turn : public ::ros::CallbackInterface {
+ public:
+  CallResult call() override {
+    come_.set_value();
+    return Success;
+  }
+  std::future<void> come() { return come_.get_future(); }
+
+ private:
+  std::promise<void> come_;
+};
+
 }  // namespace
 
 void GuardedQueue::addCallback(const ::ros::CallbackInterfacePtr& callback,
                                std::uint64_t owner_id) {
   queue_.addCallback(boost::make_shared<GuardedCallback>(callback), owner_id);
+}
+
+void wait_for_held(::ros::CallbackQueue& queue) {
+  const auto turn = boost::make_shared<Turn>();
+  const std::future<void> come = turn->come();
+  queue.addCallback(turn);
+  constexpr std::chrono::milliseconds kCheck{50};
+  while (come.wait_for(kCheck) != std::future_status::ready && !::ros::isShuttingDown()) {
+  }
 }
 
 ::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueueInterface& queue) {

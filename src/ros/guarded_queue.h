@@ -1,6 +1,6 @@
 #pragma once
 
-#include <ros/callback_queue_interface.h>
+#include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 
 #include <cstdint>
@@ -38,6 +38,10 @@ auto guarded(Callback callback) {
     }
   };
 }
+
+/// Waits until `queue`, which one other thread serves, has called all that it holds now, or until
+/// ROS shuts down.
+void wait_for_held(::ros::CallbackQueue& queue);
 
 /// The node handle with another queue.
 ::ros::NodeHandle with_queue(::ros::NodeHandle node, ::ros::CallbackQueueInterface& queue);

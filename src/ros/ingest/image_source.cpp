@@ -1,15 +1,12 @@
 #include "ros/ingest/image_source.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <thread>
 #include <utility>
 
 #include "ros/conversions/frames.h"
 #include "ros/conversions/images.h"
-#include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
 #include "ros/status.h"
@@ -50,30 +47,6 @@ std::string described(const PlacedSweep& placed, const std::string& name) {
 
 }  // namespace
 
-ImagePoses::ImagePoses(const ::ros::NodeHandle& node, const ImageStreamOptions& options)
-    : us_frame_(options.sweep.us_frame_id),
-      T_image_frame_(options.T_image_frame),
-      // Beyond the sweep itself: the lag, the wait, and the time until the sweep is ended.
-      buffer_(::ros::Duration(options.longest_sweep_s + options.tf_wait_s +
-                              options.sweep.longest_pause_s + 10.0)),
-      input_(buffer_, node) {}
-
-ArrayPoseThen ImagePoses::at(std::int64_t stamp_ns, const std::string& image_frame,
-                             const ::ros::WallTime& deadline) const {
-  // tf takes the time zero for the newest transform, which is not the pose of this image.
-  if (stamp_ns <= 0) return {std::nullopt, "its time is before 1970"};
-  while (true) {
-    try {
-      const geometry_msgs::TransformStamped found =
-          buffer_.lookupTransform(us_frame_, image_frame, time_from(stamp_ns));
-      return {from_message_mm(found.transform, "tf") * T_image_frame_, {}};
-    } catch (const std::exception& error) {  // from tf2, or for a time out of range
-      if (::ros::WallTime::now() >= deadline || !::ros::ok()) return {std::nullopt, error.what()};
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-}
-
 ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions& options,
                          PublishVolume publish)
     : options_(options),
@@ -84,7 +57,8 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
       topic_(node.resolveName("us/image")),
       last_arrival_(node),
       reported_at_(::ros::WallTime::now()),
-      transport_(node) {
+      transport_(with_queue(node, guarded_images_)),
+      image_spinner_(1, &image_queue_) {
   subscriber_ = transport_.subscribe(
       "us/image", kImageQueue, &ImageSource::on_image, this,
       image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay()));
@@ -103,6 +77,7 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
   pause_timer_ =
       services.createWallTimer(::ros::WallDuration(kPauseCheckPeriod_s),
                                guarded([this](const ::ros::WallTimerEvent&) { check_pause(); }));
+  image_spinner_.start();
 }
 
 void ImageSource::notice_arrival(const ::ros::Time& now) {
@@ -111,6 +86,24 @@ void ImageSource::notice_arrival(const ::ros::Time& now) {
     recording_.reset();
   }
   last_arrival_.set(now);
+}
+
+void ImageSource::await_images() {
+  const ::ros::Time called = ::ros::Time::now();
+  // Images of a recording that is replayed may all have earlier stamps.
+  const ::ros::WallTime deadline = ::ros::WallTime::now() + ::ros::WallDuration(1.0);
+  const auto seen = [this] {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return std::pair(received_, last_stamp_);
+  };
+  for (auto before = seen();;) {
+    ::ros::WallDuration(0.05).sleep();  // for those that are on their way
+    wait_for_held(image_queue_);
+    const auto now = seen();
+    if (now.first == before.first || now.second > called || ::ros::WallTime::now() > deadline)
+      return;
+    before = now;
+  }
 }
 
 double ImageSource::silent_s() const {
@@ -279,6 +272,7 @@ ImageSource::Status ImageSource::readiness() {
 ImageSource::Status ImageSource::start_sweep() {
   Status answer = readiness();
   if (answer.code != Code::OK) return answer;
+  wait_for_held(image_queue_);  // their images are from before the sweep
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::string before =
       recording_ ? "; " + recording_->images.name() + " was not ended and is discarded" : "";
@@ -290,6 +284,7 @@ ImageSource::Status ImageSource::start_sweep() {
 }
 
 ImageSource::Status ImageSource::end_sweep() {
+  await_images();
   const std::lock_guard<std::mutex> finishing(finishing_);
   std::optional<Recording> ended;
   double silent = 0.0;

@@ -1,9 +1,10 @@
 #pragma once
 
 #include <image_transport/image_transport.h>
+#include <ros/callback_queue.h>
 #include <ros/node_handle.h>
+#include <ros/spinner.h>
 #include <sensor_msgs/Image.h>
-#include <tf2/buffer_core.h>
 #include <us_ct_registration/StatusCode.h>
 #include <us_ct_registration/Sweep.h>
 
@@ -11,31 +12,15 @@
 #include <optional>
 #include <string>
 
+#include "ros/guarded_queue.h"
+#include "ros/ingest/image_poses.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
-#include "ros/tf_input.h"
 #include "us_ct_registration/ultrasound/image_beams.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 
 namespace usct::ros_interface {
-
-/// Poses of the array whose images are recorded, from tf, over the time of the longest sweep.
-class ImagePoses {
- public:
-  ImagePoses(const ::ros::NodeHandle& node, const ImageStreamOptions& options);
-
-  /// The pose of the array that moves with the tf frame `image_frame`. Waits for tf until
-  /// `deadline`, of the wall clock: simulated time may stand still.
-  ArrayPoseThen at(std::int64_t stamp_ns, const std::string& image_frame,
-                   const ::ros::WallTime& deadline) const;
-
- private:
-  const std::string us_frame_;
-  const Eigen::Isometry3d T_image_frame_;
-  tf2::BufferCore buffer_;
-  TfInput input_;
-};
 
 /// Assembles live B-mode images to sweeps: resamples each along the beams of the probe, and at the
 /// end of a sweep looks their poses up in tf, corrected for the lag that the sweep's images show.
@@ -67,6 +52,8 @@ class ImageSource : public IngestSource {
   void begin();
   /// Ends the sweep that is recorded if the images have paused; without it, without a result.
   std::optional<Recording> ended_by_pause();
+  /// Waits until the images that were taken before this call have come in.
+  void await_images();
   /// Time since the last image arrived, s.
   double silent_s() const;
   void check_pause();
@@ -104,12 +91,17 @@ class ImageSource : public IngestSource {
   std::uint64_t reported_images_ = 0;
   ::ros::WallTime reported_at_;
 
+  // One thread takes the images, in their order: await_images waits for it.
+  ::ros::CallbackQueue image_queue_;
+  GuardedQueue guarded_images_{image_queue_};
+
   // These members are last, because their callbacks use all others.
   image_transport::ImageTransport transport_;
   image_transport::Subscriber subscriber_;
   ::ros::ServiceServer start_server_;
   ::ros::ServiceServer end_server_;
   ::ros::WallTimer pause_timer_;
+  ::ros::AsyncSpinner image_spinner_;
 };
 
 }  // namespace usct::ros_interface

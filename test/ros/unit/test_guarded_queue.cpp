@@ -1,9 +1,13 @@
 #include <gtest/gtest.h>
 #include <ros/callback_queue.h>
 
+#include <atomic>
 #include <boost/make_shared.hpp>
+#include <chrono>
 #include <functional>
+#include <future>
 #include <stdexcept>
+#include <thread>
 
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
@@ -43,6 +47,24 @@ TEST(GuardedQueue, RemovesCallbacksByTheirOwner) {
   guarded.removeByID(1);
   queue.callAvailable();
   EXPECT_EQ(called, 10);
+}
+
+TEST(GuardedQueue, WaitsForWhatItHolds) {
+  ::ros::CallbackQueue queue;
+  std::atomic<int> called = 0;
+  std::atomic<bool> ended = false;
+  for (int i = 0; i < 5; ++i)
+    queue.addCallback(boost::make_shared<Callback>([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      ++called;
+    }));
+  auto served = std::async(std::launch::async, [&] {
+    while (!ended) queue.callAvailable(::ros::WallDuration(0.01));
+  });
+  wait_for_held(queue);
+  EXPECT_EQ(called, 5);
+  ended = true;
+  served.get();
 }
 
 TEST(Times, AnyTwoHaveADifference) {
