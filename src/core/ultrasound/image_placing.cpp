@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "ultrasound/nanoseconds.h"
+#include "ultrasound/probe_path.h"
 #include "ultrasound/sweep_volume.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
@@ -18,8 +19,6 @@ constexpr double kLeastReachMm = 1.0;
 /// A scanner shows fewer images than a grabber captures, and the probe moves on while they are the
 /// same. If it moves by more than this, the picture is frozen.
 constexpr double kFrozenMm = 5.0;
-/// If the probe moves by more than this from one image to the next, a hole is left between them.
-constexpr double kHoleMm = 5.0;
 /// Largest share of the probe's path with a frozen picture.
 constexpr double kMostFrozenShare = 0.5;
 
@@ -86,8 +85,7 @@ std::string require_change(const Path& path, const std::string& source) {
   }
   if (path.unseen_mm > 0.0)
     warning += (warning.empty() ? "" : "; ") +
-               ("no image with a pose shows " + of_path(path.unseen_mm, path)) +
-               ": images or poses were lost on their way, or the probe moved too fast";
+               ("no image with a pose shows " + of_path(path.unseen_mm, path) + ": ") + kWhyHoles;
   return warning;
 }
 
@@ -194,9 +192,7 @@ class Placing {
   }
 
   std::vector<Seen> path() const {
-    const Line line = line_in_frame(options_.array, 0.5 * (line_count(options_.array) - 1));
-    const double depth_mm = options_.axial.depth_mm(0.5 * (options_.axial.samples - 1));
-    const Vector3d middle_mm = line.origin_mm + depth_mm * line.direction;
+    const Vector3d middle_mm = middle_of_field_mm(options_.axial, options_.array);
     std::vector<Seen> path;
     for (const auto& frame : frames_)
       if (frame->pose)

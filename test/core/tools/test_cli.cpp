@@ -142,6 +142,28 @@ TEST_F(Cli, InfoWarnsOfRepeatedFramesAndSaturation) {
                             "1 of 40 frames repeat the image of the frame before"}));
 }
 
+TEST_F(Cli, InfoWarnsOfHolesBetweenTrackedFrames) {
+  // 10 samples from 0 to 90 mm: the middle is 45 mm deep, and moves by 45 mm times the turn, rad.
+  const auto described = [&](double turn) {
+    PreScanVolume volume{{{10, 0.0, 10.0}, LinearArray{{-1.0, 0.0, 1.0}}, TrackedSweep()}, {}, {}};
+    auto& frames = std::get<TrackedSweep>(volume.geometry.motion).T_us_frame;
+    for (const double angle : {0.0, 0.05, 0.05 + turn, 0.1 + turn})
+      frames.emplace_back(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()));
+    for (std::size_t i = 0; i < 10 * 3 * 4; ++i)
+      volume.voxels.push_back(static_cast<std::uint8_t>(i));
+    write_prescan_nrrd(volume, path("tracked.nrrd"));
+    return nlohmann::json::parse(run({"info", "--json", path("tracked.nrrd")}));
+  };
+  const auto whole = described(0.1);
+  EXPECT_NEAR(whole["largest_step_of_the_middle_mm"], 45.0 * 2.0 * std::sin(0.05), 1e-6);
+  EXPECT_TRUE(whole["warnings"].empty());
+  const auto torn = described(0.2);
+  EXPECT_NEAR(torn["largest_step_of_the_middle_mm"], 45.0 * 2.0 * std::sin(0.1), 1e-6);
+  ASSERT_EQ(torn["warnings"].size(), 1U);
+  const auto warning = torn["warnings"][0].get<std::string>();
+  EXPECT_NE(warning.find("more than 5 mm apart"), std::string::npos) << warning;
+}
+
 TEST_F(Cli, ScanConversionAndItsInverseKeepWhatIsWhere) {
   const PreScanVolume original = smooth_acquisition();
   write_prescan_nrrd(original, path("us.nrrd"));

@@ -9,7 +9,9 @@
 #include "io/sibling_file.h"
 #include "io/ultrasound/prescan_nrrd_format.h"
 #include "io/utc_time.h"
+#include "ultrasound/probe_path.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/ultrasound/scan_conversion.h"
 
@@ -20,17 +22,22 @@ namespace {
 /// programs sort the keys, so that tables of any length may come before it.
 constexpr std::size_t kPeekedBytes = std::size_t{1} << 20;
 
-/// Adds the length and the turn of the path of the frames' origins, and the time that it took.
-void describe_tracking(const TrackedSweep& sweep, io::Json& json) {
+/// Adds the length and the turn of the path of the frames' origins, the largest step of the middle
+/// of the field of view, and the time that it took.
+void describe_tracking(const ScanGeometry& geometry, const TrackedSweep& sweep, io::Json& json) {
+  const Eigen::Vector3d middle_mm = middle_of_field_mm(geometry.axial, geometry.array);
+  double largest_mm = 0.0;
   double path_mm = 0.0;
   double turn_rad = 0.0;
   for (std::size_t i = 1; i < sweep.T_us_frame.size(); ++i) {
     const Eigen::Isometry3d step = sweep.T_us_frame[i - 1].inverse() * sweep.T_us_frame[i];
     path_mm += step.translation().norm();
+    largest_mm = std::max(largest_mm, (step * middle_mm - middle_mm).norm());
     turn_rad += std::abs(Eigen::AngleAxisd(step.linear()).angle());
   }
   json["path_of_the_origin_mm"] = path_mm;
   json["path_turn_deg"] = turn_rad / kDegree;
+  json["largest_step_of_the_middle_mm"] = largest_mm;
   if (!sweep.frame_times_s.empty())
     json["duration_s"] = sweep.frame_times_s.back() - sweep.frame_times_s.front();
 }
@@ -93,7 +100,7 @@ std::string describe_prescan_nrrd(const std::filesystem::path& path) {
   if (const auto* sweep = std::get_if<MotorSweep>(&geometry.motion))
     io::describe_motor(*sweep, json);
   else
-    describe_tracking(std::get<TrackedSweep>(geometry.motion), json);
+    describe_tracking(geometry, std::get<TrackedSweep>(geometry.motion), json);
   try {
     json["field_of_view_mm"] = io::list(fan_grid(geometry, 1.0).size.cast<double>());
   } catch (const InputError& error) {  // it knows no file
@@ -103,6 +110,9 @@ std::string describe_prescan_nrrd(const std::filesystem::path& path) {
   json["warnings"] = io::Json::array();
   io::describe_brightness(volume.voxels, json);
   warn_of_duplicates(volume, json);
+  if (json.value("largest_step_of_the_middle_mm", 0.0) > kHoleMm)
+    json["warnings"].push_back("frames that follow each other lie more than " +
+                               formatted("%g", kHoleMm) + " mm apart: " + kWhyHoles);
   return io::as_text(json);
 }
 

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "us_ct_registration/geometry/scan_geometry.h"
+
+namespace usct {
+
+/// If the middle of the field of view moves by more than this from one frame to the next, mm, a
+/// hole is left between them.
+constexpr double kHoleMm = 5.0;
+/// How a hole comes about, for messages.
+constexpr const char* kWhyHoles =
+    "images or poses were lost on their way, or the probe moved too fast";
+
+/// The middle of a frame's field of view, in frame coordinates, mm.
+inline Eigen::Vector3d middle_of_field_mm(const AxialSampling& axial, const Array& array) {
+  const Line line = line_in_frame(array, 0.5 * (line_count(array) - 1));
+  return line.origin_mm + axial.depth_mm(0.5 * (axial.samples - 1)) * line.direction;
+}
+
+}  // namespace usct
