@@ -1,6 +1,7 @@
 #include "landmark_warning.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 
 #include "inputs.h"
 #include "us_ct_registration/error.h"
@@ -72,6 +73,24 @@ void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fr
                             us.path.c_str(), fre_mm) +
                   (order.empty() ? "" : order + ": ") +
                   "check that both files have the same points, in mm, in the same order"});
+}
+
+void warn_of_targets(const LandmarkFile& us, const BeamGrid& beams) {
+  if (us.points_mm.size() > 1) warn_of_metres(us);
+  const Eigen::AlignedBox3d box = beams.bounding_box();
+  constexpr double kMostMm = 10.0;  // a kidney may reach a little beyond the ultrasound
+  std::size_t outside = 0;
+  double farthest_mm = 0.0;
+  for (const Eigen::Vector3d& point : us.points_mm) {
+    const double distance_mm = box.exteriorDistance(point);
+    if (distance_mm > kMostMm) ++outside;
+    farthest_mm = std::max(farthest_mm, distance_mm);
+  }
+  if (outside > 0)
+    print_warnings(
+        {formatted("%s: %zu of %zu points lie far outside the ultrasound, by up to %.3g mm: "
+                   "are they points of the US frame, in mm?",
+                   us.path.c_str(), outside, us.points_mm.size(), farthest_mm)});
 }
 
 }  // namespace usct::tools

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/geometry/beam_grid.h"
+
 namespace usct::tools {
 
 /// Landmarks of one image, mm, and the file that they come from.
@@ -17,5 +19,9 @@ struct LandmarkFile {
 /// another order, since those that lie close fit to a few mm in any. Warns of landmarks of one
 /// image that lie so close that they can only be in metres.
 void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fre_mm);
+
+/// Warns on standard error of points of the US frame that lie more than 10 mm outside the box of
+/// the samples, as those of another frame do, and of points that can only be in metres.
+void warn_of_targets(const LandmarkFile& us, const BeamGrid& beams);
 
 }  // namespace usct::tools

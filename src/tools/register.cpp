@@ -11,6 +11,7 @@
 #include "exit_status.h"
 #include "initial_pose.h"
 #include "inputs.h"
+#include "landmark_warning.h"
 #include "program.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
@@ -140,6 +141,7 @@ Case read_case(const RegisterCommand& command) {
   c.us = command.ultrasound.read(command.us);
   c.ct = ct.get();
   c.beams = command.ultrasound.beams(c.us, command.quiet).along;
+  if (!c.targets_us_mm.empty()) warn_of_targets({command.targets, c.targets_us_mm}, c.beams.beams);
   c.T_us_ct_initial = command.initial.T_us_ct(c.ct, c.beams.beams);
   return c;
 }

@@ -39,6 +39,9 @@ struct BeamGrid {
     return b.origin_mm + axial.depth_mm(sample) * b.direction;
   }
 
+  /// The box along the axes of the US frame, mm, that holds all samples.
+  Eigen::AlignedBox3d bounding_box() const;
+
   /// Throws InputError, naming `source`, unless there is at least one sample, the number of beams
   /// equals lines x frames, all beams are finite and all directions have unit length.
   void validate(const std::string& source = "beam grid") const;

@@ -197,13 +197,8 @@ Isometry3d moved_apart(const Isometry3d& T_us_ct, const Grid& ct, const ScanGeom
                   ct.physical_from_index(Vector3d((corner & 1) != 0 ? ct.size.x() - 1 : 0,
                                                   (corner & 2) != 0 ? ct.size.y() - 1 : 0,
                                                   (corner & 4) != 0 ? ct.size.z() - 1 : 0)));
-  Eigen::AlignedBox3d us_box;
-  const BeamGrid beams = beam_grid(ultrasound);
-  for (int f = 0; f < beams.frames; ++f)
-    for (int l = 0; l < beams.lines; ++l)
-      for (const int s : {0, beams.samples() - 1}) us_box.extend(beams.point(f, l, s));
   const Ball ct_ball = ball_around(ct_box);
-  const Ball us_ball = ball_around(us_box);
+  const Ball us_ball = ball_around(beam_grid(ultrasound).bounding_box());
   const Vector3d direction = phantom::Sequence(seed, kApart).direction();
   const double distance_mm = ct_ball.radius_mm + us_ball.radius_mm + gap_mm;
   return Eigen::Translation3d(us_ball.centre_mm + distance_mm * direction - ct_ball.centre_mm) *

@@ -99,12 +99,7 @@ void require_in_ct(const std::vector<Vector3d>& points_ct_mm, const CtVolume& ct
 
 void require_in_ultrasound(const std::vector<Vector3d>& points_us_mm,
                            const PreScanVolume& ultrasound, const std::string& source) {
-  const BeamGrid beams = beam_grid(ultrasound.geometry);
-  Box box;
-  for (int frame = 0; frame < beams.frames; ++frame)
-    for (int line = 0; line < beams.lines; ++line)
-      for (const int sample : {0, beams.samples() - 1})
-        box.extend(beams.point(frame, line, sample));
+  const Box box = beam_grid(ultrasound.geometry).bounding_box();
   const auto contains = [&](const Vector3d& p_mm) { return box.contains(p_mm); };
   require_all(points_us_mm, contains, box, "the ultrasound", source);
 }

@@ -24,6 +24,14 @@ void BeamGrid::validate(const std::string& source) const {
                                    " must have a finite origin and a direction of length 1");
 }
 
+Eigen::AlignedBox3d BeamGrid::bounding_box() const {
+  Eigen::AlignedBox3d box;
+  for (int frame = 0; frame < frames; ++frame)
+    for (int line = 0; line < lines; ++line)
+      for (const int sample : {0, samples() - 1}) box.extend(point(frame, line, sample));
+  return box;
+}
+
 BeamGrid beam_grid(const ScanGeometry& geometry) {
   geometry.validate("geometry");
   BeamGrid grid;

@@ -113,13 +113,8 @@ AttenuationVolume::AttenuationVolume(const ScannedBody& body, const TissueRaster
                                      const BeamGrid& beams, double frequency_mhz,
                                      const UltrasoundOptions& options)
     : edge_shadows_(static_cast<float>(options.edge_shadows)) {
-  Eigen::AlignedBox3d box;
-  for (int f = 0; f < beams.frames; ++f)
-    for (int l = 0; l < beams.lines; ++l) {
-      box.extend(beams.point(f, l, 0.0));
-      box.extend(beams.beam(f, l).origin_mm);
-      box.extend(beams.point(f, l, beams.samples() - 1));
-    }
+  Eigen::AlignedBox3d box = beams.bounding_box();
+  for (const Beam& beam : beams.beams) box.extend(beam.origin_mm);
   const Vector3d margin = Vector3d::Constant(6.0);
   origin_mm_ = (box.min() - margin).cast<float>();
   size_ = ((box.sizes() + 2.0 * margin) / kSpacingMm).array().ceil().cast<int>() + 1;

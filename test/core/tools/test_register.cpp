@@ -105,6 +105,27 @@ TEST_F(Register, FindsThePoseAndWritesResultTransformAndPictures) {
     EXPECT_NE(outcome.output.find(line), std::string::npos) << line << "\n" << outcome.output;
 }
 
+TEST_F(Register, QuestionsTargetsOfAnotherFrameOrUnit) {
+  const std::vector<Eigen::Vector3d> targets_us_mm = read_points_mm(case_file("targets.csv"));
+  std::vector<Eigen::Vector3d> in_m;
+  std::vector<Eigen::Vector3d> in_ct_mm;
+  for (const Eigen::Vector3d& target : targets_us_mm) {
+    in_m.push_back(1e-3 * target);
+    in_ct_mm.push_back(T_true_.inverse() * target - Eigen::Vector3d(0.0, 0.0, 1000.0));
+  }
+  write_points_mm(in_m, path("metres.csv"));
+  write_points_mm(in_ct_mm, path("ct.csv"));
+  const auto questions = [&](const std::string& targets) {
+    return registered({"--targets", targets}).errors;
+  };
+  EXPECT_EQ(questions(case_file("targets.csv")), "");
+  EXPECT_NE(questions(path("metres.csv")).find("metres.csv: all points lie within 0.1"),
+            std::string::npos);
+  EXPECT_NE(
+      questions(path("ct.csv")).find("400 of 400 points lie far outside the ultrasound, by up to "),
+      std::string::npos);
+}
+
 TEST_F(Register, PrintsTheAcquisitionErrorsThatItEstimated) {
   std::ofstream(path("errors.yaml"))
       << "preset: phantom\nsearch: {starts: {count: 64, rotation_deg: 10, translation_mm: 10}}\n"
