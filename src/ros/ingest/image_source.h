@@ -52,7 +52,8 @@ class ImageSource : public IngestSource {
   void begin();
   /// Ends the sweep that is recorded if the images have paused; without it, without a result.
   std::optional<Recording> ended_by_pause();
-  /// Waits until the images that were taken before this call have come in.
+  /// Waits until the images that were taken before this call have come in: 0.05 s and, on a busy
+  /// machine, as long as it takes to resample those that wait.
   void await_images();
   /// Time since the last image arrived, s.
   double silent_s() const;
