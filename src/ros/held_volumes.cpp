@@ -15,6 +15,8 @@ namespace msg = us_ct_registration;
 using Status = msg::StatusCode;
 
 constexpr std::chrono::milliseconds kPoll(5);
+/// Far longer than a network takes for a volume.
+constexpr std::chrono::seconds kLongestOnItsWay(2);
 
 /// The conversions do not check headers.
 void require_header(const std_msgs::Header& header, const ::ros::Time& now,
@@ -95,6 +97,7 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
   set_time(now);
   ultrasound_arrivals_.push_back({message, now, epoch_});
   ++arrived_ultrasound_;
+  last_ultrasound_stamp_ = message->header.stamp;
   // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
     ultrasound_arrivals_.pop_front();
@@ -245,6 +248,9 @@ const HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) const {
 std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
     const ::ros::Time& stamp, const std::function<bool()>& cancelled) {
   std::unique_lock<std::mutex> lock(mutex_);
+  const Clock::time_point deadline = Clock::now() + kLongestOnItsWay;
+  await(lock, cancelled,
+        [&] { return !(last_ultrasound_stamp_ < stamp) || Clock::now() >= deadline; });
   const std::uint64_t arrived = arrived_ultrasound_;
   await(lock, cancelled, [&] { return converted_ultrasound_ >= arrived; });
   const Entry* entry = find(stamp);

@@ -110,8 +110,10 @@ class HeldVolumes {
   /// The newest CT. Waits for it; `cancelled` ends the wait with the refusal CANCELLED. Refuses
   /// with NO_CT or INVALID_MESSAGE.
   std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
-  /// The ultrasound with this stamp; 0: the newest. Waits like `ct`. Refuses with NO_ULTRASOUND,
-  /// INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
+  /// The ultrasound with this stamp; 0: the newest. Waits like `ct`, and for a volume that is newer
+  /// than all that have arrived for up to 2 s, since it may be on its way. Refuses with
+  /// NO_ULTRASOUND, INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE, TF_STALE or
+  /// TF_JUMPED.
   std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
                                                    const std::function<bool()>& cancelled);
 
@@ -178,6 +180,7 @@ class HeldVolumes {
   bool converting_ct_ = false;
   std::deque<UltrasoundArrival> ultrasound_arrivals_;
   std::uint64_t arrived_ultrasound_ = 0;
+  ::ros::Time last_ultrasound_stamp_;  // of the last that arrived
   std::uint64_t converted_ultrasound_ = 0;
   std::uint32_t newest_ct_revision_ = 0;
   std::uint32_t newest_ct_crc32_ = 0;

@@ -64,10 +64,10 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
       image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay()));
   ::ros::NodeHandle services(node);
   if (options_.by_service) {
-    const auto serve = [&](const std::string& name, Status (ImageSource::*answer)()) {
+    const auto serve = [&](const std::string& name, Answer (ImageSource::*answer)()) {
       return services.advertiseService<Sweep::Request, Sweep::Response>(
           name, [this, answer](Sweep::Request&, Sweep::Response& response) {
-            response.status = (this->*answer)();
+            response = (this->*answer)();
             return true;
           });
     };
@@ -201,7 +201,8 @@ ImageSource::Status ImageSource::refuse(const std::string& reason) {
   return status(Code::FAILED, "refused " + reason);
 }
 
-ImageSource::Status ImageSource::finish(const Recording& recording) {
+ImageSource::Answer ImageSource::finish(const Recording& recording) {
+  Answer answer;
   std::optional<LagEstimate> known;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -222,11 +223,13 @@ ImageSource::Status ImageSource::finish(const Recording& recording) {
     }
     publish_(volume);
     ROS_INFO("%s", text.c_str());
-    return status(Code::OK, text);
+    answer.status = status(Code::OK, text);
+    answer.us_stamp = volume->header.stamp;
   } catch (const std::exception& error) {  // InputError, or memory
     const std::lock_guard<std::mutex> lock(mutex_);
-    return refuse(error.what());
+    answer.status = refuse(error.what());
   }
+  return answer;
 }
 
 void ImageSource::remember(const PlacedSweep& placed) {
@@ -269,38 +272,44 @@ ImageSource::Status ImageSource::readiness() {
   return status(Code::OK, "");
 }
 
-ImageSource::Status ImageSource::start_sweep() {
-  Status answer = readiness();
-  if (answer.code != Code::OK) return answer;
+ImageSource::Answer ImageSource::start_sweep() {
+  Answer answer;
+  answer.status = readiness();
+  if (answer.status.code != Code::OK) return answer;
   wait_for_held(image_queue_);  // their images are from before the sweep
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::string before =
       recording_ ? "; " + recording_->images.name() + " was not ended and is discarded" : "";
   begin();
   refusal_.clear();
-  answer.message = recording_->images.name() + " is recorded until us/end_sweep is called" + before;
-  ROS_INFO("%s", answer.message.c_str());
+  answer.status.message =
+      recording_->images.name() + " is recorded until us/end_sweep is called" + before;
+  ROS_INFO("%s", answer.status.message.c_str());
   return answer;
 }
 
-ImageSource::Status ImageSource::end_sweep() {
+ImageSource::Answer ImageSource::end_sweep() {
   await_images();
   const std::lock_guard<std::mutex> finishing(finishing_);
+  Answer answer;
   std::optional<Recording> ended;
   double silent = 0.0;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     silent = silent_s();
-    if (!recording_)
-      return status(Code::NOT_RUNNING, refusal_.empty()
-                                           ? "no sweep is recorded; us/start_sweep starts one"
-                                           : "no sweep is recorded any more: refused " + refusal_);
+    if (!recording_) {
+      answer.status =
+          status(Code::NOT_RUNNING, refusal_.empty()
+                                        ? "no sweep is recorded; us/start_sweep starts one"
+                                        : "no sweep is recorded any more: refused " + refusal_);
+      return answer;
+    }
     ended = std::exchange(recording_, std::nullopt);
   }
-  Status answer = finish(*ended);
-  if (answer.code == Code::OK && silent > options_.sweep.longest_pause_s)
-    answer.message += "; the last image came " + seconds_text(silent) +
-                      " s before the call: did the images stop before the probe did?";
+  answer = finish(*ended);
+  if (answer.status.code == Code::OK && silent > options_.sweep.longest_pause_s)
+    answer.status.message += "; the last image came " + seconds_text(silent) +
+                             " s before the call: did the images stop before the probe did?";
   return answer;
 }
 

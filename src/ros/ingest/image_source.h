@@ -35,6 +35,7 @@ class ImageSource : public IngestSource {
  private:
   using Status = us_ct_registration::StatusCode;
   using Sweep = us_ct_registration::Sweep;
+  using Answer = Sweep::Response;
 
   /// The sweep that is recorded.
   struct Recording {
@@ -59,11 +60,11 @@ class ImageSource : public IngestSource {
   double silent_s() const;
   void check_pause();
   /// Publishes the sweep, or says why not.
-  Status finish(const Recording& recording);
+  Answer finish(const Recording& recording);
   void remember(const PlacedSweep& placed);
   Status refuse(const std::string& reason);
-  Status start_sweep();
-  Status end_sweep();
+  Answer start_sweep();
+  Answer end_sweep();
   /// Why no sweep can start now; OK if it can.
   Status readiness();
 

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
+#include <chrono>
 #include <future>
 #include <thread>
 
@@ -105,6 +106,21 @@ TEST_F(HeldVolumesTest, RecentUltrasoundIsKeptByStamp) {
   EXPECT_EQ(gone.code(), Status::NO_ULTRASOUND);
   EXPECT_THAT(gone.what(), HasSubstr("2.000"));
   EXPECT_THAT(gone.what(), HasSubstr("3.000, 4.000, 5.000"));
+}
+
+TEST_F(HeldVolumesTest, WhoNamesAVolumeThatIsOnItsWayGetsIt) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  std::atomic<bool> asked{false};
+  auto asking = std::async(std::launch::async, [&] {
+    asked = true;
+    return volumes().ultrasound(::ros::Time(2.0), never)->header.stamp.toSec();
+  });
+  while (!asked) std::this_thread::yield();
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
+  EXPECT_EQ(asking.get(), 2.0);
+  // It never comes.
+  EXPECT_THAT(ultrasound_refusal(3.0).what(), HasSubstr("3.000 is held; there is: 1.000, 2.000"));
 }
 
 TEST_F(HeldVolumesTest, MalformedUltrasoundHidesOlderOneUntilTheNext) {

@@ -167,7 +167,9 @@ TEST_F(LiveImages, ASweepGetsItsPosesCorrectedByTheLagOfItsImagesAndLosesItsDupl
   const std::size_t before = volumes_.all().size();
   // Longer than a sweep may pause: the operator should look whether it was cut short.
   ::ros::WallDuration(1.3).sleep();
-  const Code answer = call(end_);
+  msg::Sweep ended;
+  ASSERT_TRUE(end_.call(ended));
+  const Code answer = ended.response.status;
   ASSERT_EQ(answer.code, Code::OK) << answer.message;
   EXPECT_THAT(answer.message, HasSubstr("did the images stop before the probe did?"));
   std::printf("%s\n", answer.message.c_str());
@@ -177,6 +179,7 @@ TEST_F(LiveImages, ASweepGetsItsPosesCorrectedByTheLagOfItsImagesAndLosesItsDupl
   const msg::PreScanVolume volume = *volumes_.all().back();
   EXPECT_EQ(volume.header.frame_id, "base");
   EXPECT_EQ(volume.header.stamp, volume.frame_stamps.back());
+  EXPECT_EQ(volume.header.stamp, ended.response.us_stamp);
   ASSERT_EQ(volume.frames, 137U);
   // Stamps are those of the images minus the estimated lag.
   const double lag_s = (start - volume.frame_stamps.front()).toSec();
