@@ -98,12 +98,22 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
   ultrasound_arrivals_.push_back({message, now, epoch_});
   ++arrived_ultrasound_;
   last_ultrasound_stamp_ = message->header.stamp;
+  if (announced_ &&
+      (announced_->stamp == message->header.stamp || Clock::now() > announced_->deadline))
+    announced_.reset();
   // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
     ultrasound_arrivals_.pop_front();
     ++converted_ultrasound_;
   }
   wake_.notify_all();
+}
+
+void HeldVolumes::announced(const ::ros::Time& ultrasound_stamp) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  // The volume may have been quicker.
+  if (arrived_ultrasound_ > 0 && last_ultrasound_stamp_ == ultrasound_stamp) return;
+  announced_ = Announced{ultrasound_stamp, Clock::now() + kLongestOnItsWay};
 }
 
 void HeldVolumes::work() {
@@ -245,12 +255,25 @@ const HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) const {
   return found == ultrasound_.rend() ? nullptr : &*found;
 }
 
+void HeldVolumes::await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
+                                const std::function<bool()>& cancelled) {
+  if (!stamp.isZero()) {
+    const Clock::time_point deadline = Clock::now() + kLongestOnItsWay;
+    return await(lock, cancelled,
+                 [&] { return !(last_ultrasound_stamp_ < stamp) || Clock::now() >= deadline; });
+  }
+  await(lock, cancelled, [&] { return !announced_ || Clock::now() >= announced_->deadline; });
+  // An older one shows another place.
+  if (announced_)
+    throw Refusal(Status::NO_ULTRASOUND, "the ultrasound with the stamp " +
+                                             seconds_text(announced_->stamp) +
+                                             " was announced, but has not arrived");
+}
+
 std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
     const ::ros::Time& stamp, const std::function<bool()>& cancelled) {
   std::unique_lock<std::mutex> lock(mutex_);
-  const Clock::time_point deadline = Clock::now() + kLongestOnItsWay;
-  await(lock, cancelled,
-        [&] { return !(last_ultrasound_stamp_ < stamp) || Clock::now() >= deadline; });
+  await_arrival(lock, stamp, cancelled);
   const std::uint64_t arrived = arrived_ultrasound_;
   await(lock, cancelled, [&] { return converted_ultrasound_ >= arrived; });
   const Entry* entry = find(stamp);

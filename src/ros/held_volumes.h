@@ -104,16 +104,18 @@ class HeldVolumes {
   /// `now` is the node's clock. A message whose stamp is far ahead of it is refused.
   void arrived(const us_ct_registration::CtVolume::ConstPtr& message, const ::ros::Time& now);
   void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message, const ::ros::Time& now);
+  /// The ultrasound with this stamp is on its way.
+  void announced(const ::ros::Time& ultrasound_stamp);
   /// Must be called often, so that a jump of the clock back is noticed.
   void notice_time(const ::ros::Time& now);
 
   /// The newest CT. Waits for it; `cancelled` ends the wait with the refusal CANCELLED. Refuses
   /// with NO_CT or INVALID_MESSAGE.
   std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
-  /// The ultrasound with this stamp; 0: the newest. Waits like `ct`, and for a volume that is newer
-  /// than all that have arrived for up to 2 s, since it may be on its way. Refuses with
-  /// NO_ULTRASOUND, INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE, TF_STALE or
-  /// TF_JUMPED.
+  /// The ultrasound with this stamp; 0: the newest. Waits like `ct`, and up to 2 s for a volume
+  /// that is on its way: one that was announced, or that is named and newer than all that have
+  /// arrived. Refuses with NO_ULTRASOUND, INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE,
+  /// TF_STALE or TF_JUMPED.
   std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
                                                    const std::function<bool()>& cancelled);
 
@@ -163,6 +165,8 @@ class HeldVolumes {
   bool settle(Entry& entry) const;
   void settle_all();
   bool has_pending() const;
+  void await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
+                     const std::function<bool()>& cancelled);
   const Entry* find(const ::ros::Time& stamp) const;
   void await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
              const std::function<bool()>& ready);
@@ -181,6 +185,12 @@ class HeldVolumes {
   std::deque<UltrasoundArrival> ultrasound_arrivals_;
   std::uint64_t arrived_ultrasound_ = 0;
   ::ros::Time last_ultrasound_stamp_;  // of the last that arrived
+  /// A volume that has not arrived, and the end of the wait for it.
+  struct Announced {
+    ::ros::Time stamp;
+    Clock::time_point deadline;
+  };
+  std::optional<Announced> announced_;
   std::uint64_t converted_ultrasound_ = 0;
   std::uint32_t newest_ct_revision_ = 0;
   std::uint32_t newest_ct_crc32_ = 0;

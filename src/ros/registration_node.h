@@ -92,6 +92,7 @@ class RegistrationNode {
   ::ros::Publisher result_publisher_;
   ::ros::Subscriber ct_subscriber_;
   ::ros::Subscriber ultrasound_subscriber_;
+  ::ros::Subscriber announcement_subscriber_;
   ::ros::Subscriber alignment_subscriber_;
   ::ros::ServiceServer register_service_;
   ::ros::ServiceServer set_service_;

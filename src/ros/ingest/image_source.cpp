@@ -307,6 +307,8 @@ ImageSource::Answer ImageSource::end_sweep() {
     ended = std::exchange(recording_, std::nullopt);
   }
   answer = finish(*ended);
+  // Another thread sends the announcement. The caller's next request must not be quicker.
+  ::ros::WallDuration(0.02).sleep();
   if (answer.status.code == Code::OK && silent > options_.sweep.longest_pause_s)
     answer.status.message += "; the last image came " + seconds_text(silent) +
                              " s before the call: did the images stop before the probe did?";

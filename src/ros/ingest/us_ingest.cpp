@@ -1,5 +1,7 @@
 #include "ros/ingest/us_ingest.h"
 
+#include <std_msgs/Header.h>
+
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
 #include "ros/ingest/file_source.h"
@@ -12,6 +14,7 @@ UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
     : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
   const IngestParameters parameters = read_ingest_parameters(private_node);
   source_name_ = parameters.source;
+  header_publisher_ = node_.advertise<std_msgs::Header>("us/announced", 1, true);
   volume_publisher_ = node_.advertise<us_ct_registration::PreScanVolume>("us/volume", 1, true);
   source_ = make_source(parameters);
   diagnostics_.setHardwareID("none");
@@ -35,6 +38,7 @@ std::unique_ptr<IngestSource> UsIngest::make_source(const IngestParameters& para
 
 void UsIngest::publish(const us_ct_registration::PreScanVolumeConstPtr& volume) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  header_publisher_.publish(volume->header);
   volume_publisher_.publish(volume);
   ++published_;
   last_volume_stamp_ = volume->header.stamp;

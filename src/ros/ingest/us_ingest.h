@@ -14,8 +14,8 @@
 namespace usct::ros_interface {
 
 /// Reads ultrasound from a file, a watched folder, streamed frames or live images and publishes it
-/// as volumes on `us/volume` (latched). docs/nodes/us_ingest.md has topics, parameters and
-/// behaviours.
+/// as volumes on `us/volume` (latched), after their headers on `us/announced`, which arrive sooner.
+/// docs/nodes/us_ingest.md has topics, parameters and behaviours.
 class UsIngest {
  public:
   /// Throws InputError for a parameter that is unknown or out of range, and for a file or folder
@@ -29,6 +29,7 @@ class UsIngest {
 
   ::ros::NodeHandle node_;
   std::string source_name_;
+  ::ros::Publisher header_publisher_;
   ::ros::Publisher volume_publisher_;
 
   std::mutex mutex_;  // guards the members below, up to last_volume_stamp_

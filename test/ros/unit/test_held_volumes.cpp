@@ -123,6 +123,24 @@ TEST_F(HeldVolumesTest, WhoNamesAVolumeThatIsOnItsWayGetsIt) {
   EXPECT_THAT(ultrasound_refusal(3.0).what(), HasSubstr("3.000 is held; there is: 1.000, 2.000"));
 }
 
+TEST_F(HeldVolumesTest, TheNewestIsTheOneThatWasAnnounced) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  volumes().announced(::ros::Time(1.0));  // it came later than its volume
+  EXPECT_EQ(newest_s(), 1.0);
+  volumes().announced(::ros::Time(2.0));
+  auto asking = std::async(std::launch::async, [&] { return newest_s(); });
+  EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
+  EXPECT_EQ(asking.get(), 2.0);
+
+  volumes().announced(::ros::Time(3.0));  // it is lost
+  const Refusal lost = ultrasound_refusal();
+  EXPECT_EQ(lost.code(), Status::NO_ULTRASOUND);
+  EXPECT_THAT(lost.what(), HasSubstr("3.000 was announced, but has not arrived"));
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(4)), kNow);
+  EXPECT_EQ(newest_s(), 4.0);
+}
+
 TEST_F(HeldVolumesTest, MalformedUltrasoundHidesOlderOneUntilTheNext) {
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
   auto bad = ultrasound_message(2);

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sensor_msgs/Image.h>
+#include <std_msgs/Header.h>
 #include <us_ct_registration/StatusCode.h>
 #include <us_ct_registration/Sweep.h>
 
@@ -60,6 +61,7 @@ class LiveImages : public testing::Test {
       : space_(space),
         frame_(std::string("us_array")),
         volumes_(node_, space_ + "/us/volume"),
+        announced_(node_, space_ + "/us/announced"),
         diagnostics_(node_, "/diagnostics"),
         images_(node_.advertise<sensor_msgs::Image>(space_ + "/us/image", 1000)),
         tf_(node_, {"/" + space + "/us_ingest"}),
@@ -133,6 +135,7 @@ class LiveImages : public testing::Test {
   std::string space_;
   std::string frame_;
   Inbox<msg::PreScanVolume> volumes_;
+  Inbox<std_msgs::Header> announced_;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
   ::ros::Publisher images_;
   TfSource tf_;
@@ -180,6 +183,7 @@ TEST_F(LiveImages, ASweepGetsItsPosesCorrectedByTheLagOfItsImagesAndLosesItsDupl
   EXPECT_EQ(volume.header.frame_id, "base");
   EXPECT_EQ(volume.header.stamp, volume.frame_stamps.back());
   EXPECT_EQ(volume.header.stamp, ended.response.us_stamp);
+  EXPECT_EQ(announced_.all().back()->stamp, volume.header.stamp);
   ASSERT_EQ(volume.frames, 137U);
   // Stamps are those of the images minus the estimated lag.
   const double lag_s = (start - volume.frame_stamps.front()).toSec();
