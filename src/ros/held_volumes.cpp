@@ -99,7 +99,7 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
   ++arrived_ultrasound_;
   last_ultrasound_stamp_ = message->header.stamp;
   if (announced_ &&
-      (announced_->stamp == message->header.stamp || Clock::now() > announced_->deadline))
+      (announced_->stamp <= last_ultrasound_stamp_ || Clock::now() > announced_->deadline))
     announced_.reset();
   // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
@@ -111,8 +111,8 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
 
 void HeldVolumes::announced(const ::ros::Time& ultrasound_stamp) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  // The volume may have been quicker.
-  if (arrived_ultrasound_ > 0 && last_ultrasound_stamp_ == ultrasound_stamp) return;
+  // The volume, or one after it, may have been quicker.
+  if (ultrasound_stamp <= last_ultrasound_stamp_) return;
   announced_ = Announced{ultrasound_stamp, Clock::now() + kLongestOnItsWay};
 }
 

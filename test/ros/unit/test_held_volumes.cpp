@@ -133,6 +133,9 @@ TEST_F(HeldVolumesTest, TheNewestIsTheOneThatWasAnnounced) {
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
   EXPECT_EQ(asking.get(), 2.0);
 
+  volumes().announced(::ros::Time(1.0));  // that of an older volume, too late
+  EXPECT_EQ(newest_s(), 2.0);
+
   volumes().announced(::ros::Time(3.0));  // it is lost
   const Refusal lost = ultrasound_refusal();
   EXPECT_EQ(lost.code(), Status::NO_ULTRASOUND);
