@@ -16,6 +16,10 @@ geometry_msgs::TransformStamped wait_for_transform(const tf2::BufferCore& tf,
                                                    const ::ros::Time& stamp, double timeout_s) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::milliseconds kPause(1);
+  for (const std::string& frame : {target, source})
+    if (!frame.empty() && frame.front() == '/')
+      throw Refusal(us_ct_registration::StatusCode::INVALID_MESSAGE,
+                    "the frame '" + frame + "' must be without leading /, which tf2 does not know");
   const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
   while (true) {
     std::string why;  // tf2 appends to it

@@ -110,6 +110,7 @@ void VideoOverlay::add_camera(const std::string& side, const OverlayPainterOptio
   const std::string folder = side.empty() ? "" : side + "/";
   OverlayCameraOptions options;
   options.input = "endoscope/" + folder + "image_raw";
+  if (eye == kRight) options.left = "endoscope/left/image_raw";
   options.output = "overlay/" + folder + "image";
   options.transport = transport_;
   cameras_.push_back(std::make_unique<OverlayCamera>(
@@ -127,7 +128,7 @@ void VideoOverlay::complete(std::size_t eye, OverlayJob& job) const {
   if (!is_stereo_) return;
   job.warning = out_of_step(eye);
   if (eye != kRight || !job.info) return;
-  const sensor_msgs::CameraInfoConstPtr left = cameras_[kLeft]->newest_info();
+  const sensor_msgs::CameraInfoConstPtr left = cameras_[kRight]->left_info();
   if (!left) {
     job.info = nullptr;
     job.problem = "no camera_info of the left camera, in whose frame the right one may be";
@@ -140,7 +141,7 @@ std::string VideoOverlay::out_of_step(std::size_t eye) const {
   const std::deque<::ros::Time> own = cameras_[eye]->newest_stamps();
   const std::deque<::ros::Time> other = cameras_[1 - eye]->newest_stamps();
   // Images are received only while somebody looks at them.
-  if (own.size() < 2 || !cameras_[1 - eye]->report().is_subscribed) return {};
+  if (own.size() < 2 || !cameras_[1 - eye]->is_subscribed()) return {};
   if (other.empty())
     return std::string("OUT OF STEP: no image of the ") + sides_[1 - eye] + " camera";
   // The partner of the newest image may be on its way.

@@ -65,9 +65,10 @@ def has_failed(test_case):
 class Process:
     """A node or nodelet `kind` in the namespace `namespace`, with private parameters: by itself, or a nodelet in the
     manager of this name; the kind `manager` is a manager. `environment`: variables that are added; `name`: another
-    name than the kind."""
+    name than the kind; `remaps`: topics by the names that the node has for them."""
 
-    def __init__(self, kind, namespace, log, as_nodelet=False, manager=None, environment=None, name=None, **parameters):
+    def __init__(self, kind, namespace, log, as_nodelet=False, manager=None, environment=None, name=None, remaps=None,
+                 **parameters):
         nodelet = roslib.packages.find_node("nodelet", "nodelet")[0]
         if kind == "manager":
             command = [nodelet, "manager"]
@@ -79,6 +80,7 @@ class Process:
             command = [roslib.packages.find_node(PACKAGE, kind)[0]]
         name = name or kind
         command += [f"__ns:={namespace}", f"__name:={name}"]
+        command += [f"{own}:={other}" for own, other in (remaps or {}).items()]
         node = f"{namespace}/{name}"
         if rospy.has_param(node):
             rospy.delete_param(node)

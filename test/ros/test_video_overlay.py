@@ -61,7 +61,7 @@ class VideoOverlay(unittest.TestCase):
         self.tf = rospy.Publisher("/tf", tf2_msgs.msg.TFMessage, queue_size=100)
         self.statuses = {}
         self.subscribers = [rospy.Subscriber(self.namespace + "/overlay/status", OverlayStatus, self.take_status)]
-        self.images = {}
+        self.images, self.watched = {}, {}
         self.info = self.latched("ct/info", CtInfo)
         self.surface = self.latched("ct/surface", MarkerArray)
         self.alignment = self.latched("registration/alignment", Alignment)
@@ -101,6 +101,7 @@ class VideoOverlay(unittest.TestCase):
         subscriber = rospy.Subscriber(f"{self.namespace}/overlay/{side}image", Image,
                                       lambda m: self.images[side].update({m.header.stamp: m}))
         self.subscribers.append(subscriber)
+        self.watched[side] = subscriber
         return subscriber
 
     def align(self, state=Alignment.ACCEPTED, age_s=60.0, **fields):
@@ -143,9 +144,9 @@ class VideoOverlay(unittest.TestCase):
         image.data = bytes([GREY]) * (image.step * HEIGHT)
         return image
 
-    def info_at(self, stamp, baseline_m=0.0, **fields):
+    def info_at(self, stamp, baseline_m=0.0, frame=None, **fields):
         info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="plumb_bob", D=[-0.2, 0.05, 0.0, 0.0, 0.0])
-        info.header.stamp, info.header.frame_id = stamp, self.camera
+        info.header.stamp, info.header.frame_id = stamp, frame or self.camera
         info.K = [FOCAL, 0, WIDTH / 2, 0, FOCAL, HEIGHT / 2, 0, 0, 1]
         info.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
         info.P = [FOCAL, 0, WIDTH / 2, -FOCAL * baseline_m, 0, FOCAL, HEIGHT / 2, 0, 0, 0, 1, 0]
@@ -292,6 +293,36 @@ class VideoOverlay(unittest.TestCase):
         self.drawn(self.is_drawn, "a rational distortion", distortion_model="rational_polynomial",
                    D=[0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
 
+    def test_a_frame_with_a_leading_slash(self):
+        self.start(tf_timeout=10.0)
+        self.align()
+        self.show_surfaces()
+        # At once, and with words in place of a warning of tf2 every millisecond.
+        status = self.refused("must be without leading /", frame="/" + self.camera)
+        self.assertLess(status.latency, 5.0)
+        self.assertLess(len(self.processes[0].log()), 10000)
+
+    def test_an_image_that_comes_long_after_its_camera_info(self):
+        """As one that is rectified or decoded first."""
+        self.start()
+        self.align()
+        self.show_surfaces()
+        image_publisher, info_publisher = self.cameras[""]
+        waiting, stamps = [], []
+        for _ in range(40):
+            stamps.append(rospy.Time.now())
+            self.place(stamps[-1])
+            info_publisher.publish(self.info_at(stamps[-1]))
+            waiting.append(self.image_at(stamps[-1]))
+            if len(waiting) > 8:
+                image_publisher.publish(waiting.pop(0))
+            time.sleep(0.03)
+        sent = stamps[:32]
+        wait_for(lambda: (self.camera, sent[-1]) in self.statuses, "the status of the last image")
+        answered = [self.statuses[(self.camera, s)] for s in sent if (self.camera, s) in self.statuses]
+        self.assertGreater(len(answered), 16)
+        self.assertEqual({s.state for s in answered[-16:]}, {OverlayStatus.DRAWN})
+
     def test_no_camera_info(self):
         self.start()
         self.align()
@@ -388,12 +419,44 @@ class VideoOverlay(unittest.TestCase):
         self.align()
         self.show_surfaces()
         self.refused("no camera_info of the left camera", side="right/", baseline_m=BASELINE_M)
+        left, right = self.pair_of_overlays()
+        # Points at the depth of the tumour; the distortion is small near the centre.
+        disparity = FOCAL * BASELINE_M / (DEPTH_M - 0.005)
+        self.assertAlmostEqual(self.centre_of_tumour(left) - self.centre_of_tumour(right), disparity, delta=0.7)
+        # A camera that was calibrated alone, in the frame of the other one.
+        self.place(rospy.Time.now())
+        self.send(rospy.Time.now(), "left/")
+        self.refused("'P' has no baseline", side="right/")
+
+        # Who looks at the right eye alone: the frame of the left camera is known all the same.
+        self.watched["left/"].unregister()
+        wait_for(lambda: not self.cameras["left/"][0].get_num_connections(), "the left images to be left alone")
+        self.assertEqual(self.cameras["left/"][1].get_num_connections(), 1)
+        self.statuses.clear()
+        self.drawn(lambda s: s.state == OverlayStatus.DRAWN, "the right eye alone", side="right/",
+                   baseline_m=BASELINE_M)
+        self.subscribe("left/")
+        wait_for(lambda: self.cameras["left/"][0].get_num_connections(), "the left images to be subscribed to")
+
+        # From now on the right images are 0.5 s older than the left ones.
+        def late():
+            stamp = rospy.Time.now()
+            self.place(stamp)
+            self.send(stamp, "left/")
+            time.sleep(0.05)
+            return [s for s in self.statuses.values() if "OUT OF STEP" in s.message]
+        (status, *_) = wait_for(late, "the pair to be out of step")
+        self.assertEqual(status.state, OverlayStatus.DRAWN_WITH_WARNING)
+
+    def pair_of_overlays(self, right="right/"):
+        """The newest images of both eyes. `right`: where the images of the right camera are published."""
+        left = "left/" if right == "right/" else "right/"
 
         def pair():
             stamp = rospy.Time.now()
             self.place(stamp)
-            self.send(stamp, "left/")
-            self.send(stamp, "right/", baseline_m=BASELINE_M)
+            self.send(stamp, left)
+            self.send(stamp, right, baseline_m=BASELINE_M)
             time.sleep(0.05)
             both = sorted(set(self.images["left/"]) & set(self.images["right/"]))
             done = [s for s in both if s in drawn_in_both]
@@ -407,20 +470,19 @@ class VideoOverlay(unittest.TestCase):
                 if counts[status.header.stamp] == 2:
                     drawn_in_both.add(status.header.stamp)
         self.subscribers.append(rospy.Subscriber(self.namespace + "/overlay/status", OverlayStatus, count))
-        left, right = wait_for(pair, "a pair of overlays")
-        # Points at the depth of the tumour; the distortion is small near the centre.
-        disparity = FOCAL * BASELINE_M / (DEPTH_M - 0.005)
-        self.assertAlmostEqual(self.centre_of_tumour(left) - self.centre_of_tumour(right), disparity, delta=0.7)
+        return wait_for(pair, "a pair of overlays")
 
-        # From now on the right images are 0.5 s older than the left ones.
-        def late():
-            stamp = rospy.Time.now()
-            self.place(stamp)
-            self.send(stamp, "left/")
-            time.sleep(0.05)
-            return [s for s in self.statuses.values() if "OUT OF STEP" in s.message]
-        (status, *_) = wait_for(late, "the pair to be out of step")
-        self.assertEqual(status.state, OverlayStatus.DRAWN_WITH_WARNING)
+    def test_swapped_eyes(self):
+        """Crossed cables, put right by remaps whose targets are names that the node has as well."""
+        endoscope = self.namespace + "/endoscope"
+        self.start(sides=("left/", "right/"), stereo=True,
+                   remaps={"endoscope/left/image_raw": endoscope + "/right/image_raw",
+                           "endoscope/right/image_raw": endoscope + "/left/image_raw"})
+        self.align()
+        self.show_surfaces()
+        left, right = self.pair_of_overlays(right="left/")
+        self.assertAlmostEqual(self.centre_of_tumour(left), WIDTH / 2, delta=0.7)
+        self.assertLess(self.centre_of_tumour(right), WIDTH / 2 - 10)
 
     def test_images_are_subscribed_to_only_while_somebody_looks(self):
         self.start(subscribe=False)
@@ -479,10 +541,18 @@ class VideoOverlay(unittest.TestCase):
         self.assertEqual((node.name, dict(node.remap_args)["endoscope/left/image_raw"]),
                          ("video_overlay", "/PSM/left/image_raw"))
         self.assertIs(config.params["/video_overlay/stereo"].value, True)
+        for launch_file in ("overlay", "integration"):
+            config = roslaunch.config.ROSLaunchConfig()
+            roslaunch.xmlloader.XmlLoader().load(
+                os.path.join(FOLDER, f"../../launch/{launch_file}.launch"), config, verbose=False,
+                argv=["rectified:=true", "right:=/PSM/right"])
+            (node,) = [node for node in config.nodes if node.name == "video_overlay"]
+            self.assertEqual(dict(node.remap_args)["endoscope/right/image_raw"], "/PSM/right/image_rect_color")
 
     def test_wrong_parameters_end_it(self):
         for parameters, words in (({"stere": True}, "is not a parameter"),
                                   ({"tf_timeout": -1.0}, "must be in"),
+                                  ({"image_transport": "no_such"}, "no plugin is installed"),
                                   ({"structures": {"tumour": {"bnd": True}}}, "structures/tumour/bnd"),
                                   ({"structures": {"tumour": {"opacity": 2.0}}}, "must be a number in [0, 1]"),
                                   ({"structures": {"tumour": {"colour": [1.0]}}}, "red, green and blue"),

@@ -9,6 +9,7 @@
 #include "ros/conversions/images.h"
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
+#include "ros/resolved_topic.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
 
@@ -57,10 +58,10 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
       topic_(node.resolveName("us/image")),
       last_arrival_(node),
       reported_at_(::ros::WallTime::now()),
-      transport_(with_queue(node, guarded_images_)),
+      transport_(node_for_resolved(with_queue(node, guarded_images_), topic_)),
       image_spinner_(1, &image_queue_) {
   subscriber_ = transport_.subscribe(
-      "us/image", kImageQueue, &ImageSource::on_image, this,
+      topic_, kImageQueue, &ImageSource::on_image, this,
       image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay()));
   ::ros::NodeHandle services(node);
   if (options_.by_service) {

@@ -35,8 +35,7 @@ void require_known_distortion(const sensor_msgs::CameraInfo& info, const std::st
 CameraIntrinsics intrinsics_of(const image_geometry::PinholeCameraModel& model,
                                const sensor_msgs::CameraInfo& info, bool is_rectified) {
   CameraIntrinsics intrinsics;
-  // The region of interest of raw images, and that of rectified ones, into which it is mapped.
-  const cv::Rect region = is_rectified ? model.rectifiedRoi() : model.rawRoi();
+  const cv::Rect region = model.rawRoi();
   intrinsics.width = region.width / static_cast<int>(model.binningX());
   intrinsics.height = region.height / static_cast<int>(model.binningY());
   if (is_rectified) {
@@ -56,6 +55,23 @@ CameraIntrinsics intrinsics_of(const image_geometry::PinholeCameraModel& model,
   return intrinsics;
 }
 
+void require_rotation(const Eigen::Matrix3d& R, const char* name, const std::string& source) {
+  constexpr double kRotation = 1e-3;
+  if (!R.isUnitary(kRotation) || R.determinant() < 0.0)
+    throw InputError(source, std::string(name) + " is not a rotation");
+}
+
+/// P of a right camera contains -fx times the baseline.
+double baseline_mm(const sensor_msgs::CameraInfo& info, const std::string& source) {
+  const double baseline = -kMmPerM * info.P[3] / info.P[0];
+  if (!std::isfinite(baseline) || baseline == 0.0)
+    throw InputError(source,
+                     "its frame '" + info.header.frame_id +
+                         "' is that of the left camera, but 'P' has no baseline; calibrate the "
+                         "pair, or give the right camera a frame of its own");
+  return baseline;
+}
+
 }  // namespace
 
 Eigen::Matrix3d rectification_of(const sensor_msgs::CameraInfo& info) {
@@ -65,13 +81,11 @@ Eigen::Matrix3d rectification_of(const sensor_msgs::CameraInfo& info) {
 
 CameraModel camera_model(const sensor_msgs::CameraInfo& info, const CameraUse& use,
                          const std::string& source) {
-  constexpr double kRotation = 1e-3;
   if (!(info.K[0] > 0.0 && info.K[4] > 0.0) || (use.is_rectified && !(info.P[0] > 0.0)))
     throw InputError(source, "the camera is not calibrated: K, or P of rectified images, is zero");
-  require_known_distortion(info, source);
+  if (!use.is_rectified) require_known_distortion(info, source);
   const Eigen::Matrix3d R = rectification_of(info);
-  if (!R.isUnitary(kRotation) || R.determinant() < 0.0)
-    throw InputError(source, "'R' is not a rotation");
+  require_rotation(R, "'R'", source);
   image_geometry::PinholeCameraModel model;
   try {
     model.fromCameraInfo(info);
@@ -80,9 +94,10 @@ CameraModel camera_model(const sensor_msgs::CameraInfo& info, const CameraUse& u
   }
   Eigen::Isometry3d T_rectified_frame = Eigen::Isometry3d::Identity();
   T_rectified_frame.linear() = use.R_of_left.value_or(R);
-  // P of a right camera contains -fx times the baseline.
-  if (use.R_of_left && info.P[0] > 0.0)
-    T_rectified_frame.pretranslate(Eigen::Vector3d(kMmPerM * info.P[3] / info.P[0], 0.0, 0.0));
+  if (use.R_of_left) {
+    require_rotation(*use.R_of_left, "'R' of the left camera", source);
+    T_rectified_frame.pretranslate(Eigen::Vector3d(-baseline_mm(info, source), 0.0, 0.0));
+  }
   Eigen::Isometry3d T_camera_rectified = Eigen::Isometry3d::Identity();
   if (!use.is_rectified) T_camera_rectified.linear() = R.transpose();
   return {Camera(intrinsics_of(model, info, use.is_rectified), source),

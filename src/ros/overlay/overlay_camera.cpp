@@ -7,12 +7,16 @@
 #include <utility>
 
 #include "ros/guarded_queue.h"
+#include "ros/resolved_topic.h"
+#include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
 namespace {
 
-/// Images and camera_infos that wait for their partner of the same stamp.
-constexpr std::size_t kPairs = 4;
+/// Images and camera_infos that wait for their partner of the same stamp. A camera_info comes from
+/// the driver, while its image may be rectified or decoded first; it is small, and waits longer.
+constexpr std::size_t kImages = 4;
+constexpr std::size_t kInfos = 128;
 
 }  // namespace
 
@@ -20,16 +24,22 @@ OverlayCamera::OverlayCamera(const ::ros::NodeHandle& node, OverlayCameraOptions
                              OverlayPainter painter, Completion complete,
                              Publication publish_status)
     : options_(std::move(options)),
-      transport_(node),
       node_(node),
       image_topic_(node_.resolveName(options_.input)),
       info_topic_(image_transport::getCameraInfoTopic(image_topic_)),
+      input_transport_(node_for_resolved(node_, image_topic_)),
+      output_transport_(node_),
       complete_(std::move(complete)),
       publish_status_(std::move(publish_status)),
       painter_(std::move(painter)),
-      pairs_(kPairs) {
+      pairs_(kImages, kInfos) {
+  require_transport();
   images_.registerCallback(&OverlayCamera::take_image, this);
   infos_.registerCallback(&OverlayCamera::take_info, this);
+  left_infos_.registerCallback([this](const sensor_msgs::CameraInfoConstPtr& info) {
+    const std::lock_guard lock(mutex_);
+    left_info_ = info;
+  });
   const auto images_change = [this](const image_transport::SingleSubscriberPublisher&) {
     connect_or_disconnect();
   };
@@ -39,8 +49,8 @@ OverlayCamera::OverlayCamera(const ::ros::NodeHandle& node, OverlayCameraOptions
   {
     // Subscribers may come before the publisher is assigned.
     const std::lock_guard lock(connecting_);
-    publisher_ = transport_.advertiseCamera(options_.output, 1, images_change, images_change,
-                                            infos_change, infos_change);
+    publisher_ = output_transport_.advertiseCamera(options_.output, 1, images_change, images_change,
+                                                   infos_change, infos_change);
   }
   thread_ = std::thread(&OverlayCamera::work, this);
 }
@@ -49,12 +59,25 @@ OverlayCamera::~OverlayCamera() {
   publisher_.shutdown();
   images_.unsubscribe();
   infos_.unsubscribe();
+  left_infos_.unsubscribe();
   stop();
 }
 
 void OverlayCamera::stop() {
   newest_.close();
   if (thread_.joinable()) thread_.join();
+}
+
+void OverlayCamera::require_transport() const {
+  const std::vector<std::string> installed = output_transport_.getDeclaredTransports();
+  std::string names;
+  for (const std::string& name : installed) {
+    if (name == "image_transport/" + options_.transport) return;
+    names += (names.empty() ? "" : ", ") + name;
+  }
+  throw InputError(
+      "image_transport",
+      "is '" + options_.transport + "', for which no plugin is installed; there are: " + names);
 }
 
 void OverlayCamera::connect_or_disconnect() {
@@ -67,12 +90,16 @@ void OverlayCamera::connect_or_disconnect() {
     without_info_ = 0;
   }
   if (is_wanted) {
-    infos_.subscribe(node_, info_topic_, 1);
-    images_.subscribe(transport_, image_topic_, 1,
+    infos_.subscribe(node_, info_topic_, kInfos);
+    if (!options_.left.empty())
+      left_infos_.subscribe(
+          node_, image_transport::getCameraInfoTopic(node_.resolveName(options_.left)), 1);
+    images_.subscribe(input_transport_, image_topic_, 1,
                       image_transport::TransportHints(options_.transport));
   } else {
     images_.unsubscribe();
     infos_.unsubscribe();
+    left_infos_.unsubscribe();
     newest_.clear();
   }
 }
@@ -96,7 +123,7 @@ std::string OverlayCamera::why_no_info() const {
 void OverlayCamera::take_image(const sensor_msgs::ImageConstPtr& image) {
   // The video goes on without a camera_info, but an image whose camera_info is late must not be
   // taken for one that has none.
-  constexpr int kMostWithoutInfo = static_cast<int>(kPairs);
+  constexpr int kMostWithoutInfo = static_cast<int>(kImages);
   constexpr std::size_t kStamps = 8;
   OverlayJob job;
   std::optional<StampPairs::Pair> pair;
@@ -140,7 +167,8 @@ void OverlayCamera::publish(const OverlayJob& job, const Overlay& overlay) {
   if (overlay.image) {
     auto info = job.info ? boost::make_shared<sensor_msgs::CameraInfo>(*job.info)
                          : boost::make_shared<sensor_msgs::CameraInfo>();
-    info->header = job.image->header;
+    info->header.stamp = job.image->header.stamp;
+    if (!job.info) info->header.frame_id = job.image->header.frame_id;
     publisher_.publish(overlay.image, info);
   } else {
     ROS_ERROR_THROTTLE(1.0, "%s: %s", image_topic_.c_str(), status.message.c_str());
@@ -157,9 +185,14 @@ void OverlayCamera::publish(const OverlayJob& job, const Overlay& overlay) {
   report_.status = std::move(status);
 }
 
-sensor_msgs::CameraInfoConstPtr OverlayCamera::newest_info() const {
+sensor_msgs::CameraInfoConstPtr OverlayCamera::left_info() const {
   const std::lock_guard lock(mutex_);
-  return info_;
+  return left_info_;
+}
+
+bool OverlayCamera::is_subscribed() const {
+  const std::lock_guard lock(mutex_);
+  return report_.is_subscribed;
 }
 
 std::deque<::ros::Time> OverlayCamera::newest_stamps() const {

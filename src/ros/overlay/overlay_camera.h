@@ -21,6 +21,7 @@ namespace usct::ros_interface {
 
 struct OverlayCameraOptions {
   std::string input;      // topic of the images; camera_info lies beside it
+  std::string left;       // of the right camera of a pair: that of the left one; else empty
   std::string output;     // topic of the images with the overlay
   std::string transport;  // of image_transport, like raw
 };
@@ -57,8 +58,10 @@ class OverlayCamera {
   /// Ends the thread, so that the functions are called no more.
   void stop();
 
-  /// The newest camera_info, also without image; null if there is none.
-  sensor_msgs::CameraInfoConstPtr newest_info() const;
+  /// The newest camera_info of the left camera, whoever looks at its images; null if there is none.
+  sensor_msgs::CameraInfoConstPtr left_info() const;
+  /// Whether images are received.
+  bool is_subscribed() const;
   /// The stamps of the newest images, oldest first.
   std::deque<::ros::Time> newest_stamps() const;
   OverlayCameraReport report();
@@ -66,6 +69,7 @@ class OverlayCamera {
  private:
   void connect_or_disconnect();
   void take_image(const sensor_msgs::ImageConstPtr& image);
+  void require_transport() const;
   void take_info(const sensor_msgs::CameraInfoConstPtr& info);
   void draw(const StampPairs::Pair& pair);
   std::string why_no_info() const;
@@ -73,10 +77,11 @@ class OverlayCamera {
   void publish(const OverlayJob& job, const Overlay& overlay);
 
   const OverlayCameraOptions options_;
-  image_transport::ImageTransport transport_;
   ::ros::NodeHandle node_;
   std::string image_topic_;
   std::string info_topic_;
+  image_transport::ImageTransport input_transport_;
+  image_transport::ImageTransport output_transport_;
   const Completion complete_;
   const Publication publish_status_;
   OverlayPainter painter_;
@@ -84,6 +89,7 @@ class OverlayCamera {
 
   mutable std::mutex mutex_;  // guards the members below, up to report_
   sensor_msgs::CameraInfoConstPtr info_;
+  sensor_msgs::CameraInfoConstPtr left_info_;
   std::deque<::ros::Time> stamps_;
   StampPairs pairs_;
   int without_info_ = 0;  // images since the last one that had a camera_info with its stamp
@@ -93,6 +99,7 @@ class OverlayCamera {
   image_transport::CameraPublisher publisher_;
   image_transport::SubscriberFilter images_;
   message_filters::Subscriber<sensor_msgs::CameraInfo> infos_;
+  message_filters::Subscriber<sensor_msgs::CameraInfo> left_infos_;
   std::thread thread_;  // last: it uses the members above
 };
 

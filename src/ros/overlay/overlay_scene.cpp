@@ -111,6 +111,8 @@ void OverlaySceneKeeper::take_pose(const geometry_msgs::PoseWithCovarianceStampe
 }
 
 void OverlaySceneKeeper::take_result(const msg::RegistrationResult& message) {
+  // Whoever cancels one knows it, and it says nothing about the alignment.
+  if (message.status.code == msg::StatusCode::CANCELLED) return;
   const std::lock_guard lock(mutex_);
   last_refusal_ = message.status.code == msg::StatusCode::REGISTERED ? "" : message.status.message;
 }

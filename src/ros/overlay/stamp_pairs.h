@@ -10,9 +10,9 @@
 
 namespace usct::ros_interface {
 
-/// Pairs images and camera_infos of the same stamp. The newest few of each wait for their partner.
-/// When stamps run back (a recording that is played again, a clock that is put right), nothing
-/// waits any longer: what came before would else be taken for newer than all that follows.
+/// Pairs images and camera_infos of the same stamp. The newest of each wait for their partner. When
+/// stamps run back (a recording that is played again, a clock that is put right), nothing waits
+/// any longer: what came before would else be taken for newer than all that follows.
 class StampPairs {
  public:
   struct Pair {
@@ -21,7 +21,7 @@ class StampPairs {
   };
 
   /// So many of each wait at most; >= 1.
-  explicit StampPairs(std::size_t most) : most_(most) {}
+  StampPairs(std::size_t images, std::size_t infos) : images_{images}, infos_{infos} {}
 
   std::optional<Pair> add(const sensor_msgs::ImageConstPtr& image) {
     const auto info = partner_of(image, images_, infos_);
@@ -37,8 +37,9 @@ class StampPairs {
  private:
   template <typename Message>
   struct Waiting {
-    std::deque<Message> messages;
-    ::ros::Time newest;  // stamp of the last one that came, whether it waits or not
+    std::size_t most;
+    std::deque<Message> messages{};
+    ::ros::Time newest{};  // stamp of the last one that came, whether it waits or not
   };
 
   /// The message of the other kind with this stamp; this one waits if there is none yet.
@@ -47,8 +48,8 @@ class StampPairs {
                                   Waiting<Other>& other) {
     const ::ros::Time& stamp = message->header.stamp;
     if (stamp < own.newest) {
-      own = {};
-      other = {};
+      own = {own.most};
+      other = {other.most};
     }
     own.newest = stamp;
     const auto found =
@@ -60,11 +61,10 @@ class StampPairs {
       return partner;
     }
     own.messages.push_back(message);
-    if (own.messages.size() > most_) own.messages.pop_front();
+    if (own.messages.size() > own.most) own.messages.pop_front();
     return std::nullopt;
   }
 
-  std::size_t most_;
   Waiting<sensor_msgs::ImageConstPtr> images_;
   Waiting<sensor_msgs::CameraInfoConstPtr> infos_;
 };

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "ros/overlay/camera_model.h"
 #include "us_ct_registration/error.h"
 
@@ -89,6 +91,57 @@ TEST(CameraModel, TheRightCameraInTheFrameOfTheLeftHasTheBaselineOfP) {
   // In a frame of its own the camera has no baseline.
   EXPECT_TRUE(
       camera_model(right, {}, "test").T_camera_frame.isApprox(Eigen::Isometry3d::Identity()));
+}
+
+/// Two cameras that were calibrated each alone, with one frame: the right eye would be drawn from
+/// the left one's place.
+TEST(CameraModel, TheRightCameraInTheFrameOfTheLeftMustHaveABaseline) {
+  CameraUse use;
+  use.R_of_left = Eigen::Matrix3d::Identity();
+  const auto reason = [&](auto change) -> std::string {
+    sensor_msgs::CameraInfo right = full_hd();
+    right.P[3] = -1400 * 0.0052;
+    change(right);
+    try {
+      camera_model(right, use, "camera_info");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  using Info = sensor_msgs::CameraInfo;
+  EXPECT_EQ(reason([](Info&) {}), "accepted");
+  EXPECT_NE(reason([](Info& i) { i.P[3] = 0.0; }).find("no baseline"), std::string::npos);
+  EXPECT_NE(reason([](Info& i) { i.P.fill(0.0); }).find("no baseline"), std::string::npos);
+  EXPECT_NE(reason([](Info& i) { i.P[3] = NAN; }).find("no baseline"), std::string::npos);
+  use.R_of_left = 2.0 * Eigen::Matrix3d::Identity();
+  EXPECT_NE(reason([](Info&) {}).find("'R' of the left camera"), std::string::npos);
+}
+
+/// image_proc cuts rectified images as the raw ones are cut, and image_geometry moves P with them.
+TEST(CameraModel, TheRegionOfInterestOfRectifiedImagesIsThatOfTheRaw) {
+  sensor_msgs::CameraInfo info = full_hd();
+  info.roi.x_offset = 200;
+  info.roi.y_offset = 100;
+  info.roi.width = 1000;
+  info.roi.height = 800;
+  info.roi.do_rectify = true;
+  CameraUse use;
+  use.is_rectified = true;
+  const CameraModel model = camera_model(info, use, "test");
+  EXPECT_EQ(model.camera.intrinsics().width, 1000);
+  EXPECT_EQ(model.camera.intrinsics().height, 800);
+  const Eigen::Vector2d whole = by_p(full_hd(), kPoint);
+  EXPECT_LT((pixel_of(model, kPoint) - (whole - Eigen::Vector2d(200, 100))).norm(), 1e-6);
+}
+
+TEST(CameraModel, TheLensOfRectifiedImagesDoesNotCount) {
+  sensor_msgs::CameraInfo info = full_hd();
+  info.distortion_model = "equidistant";
+  info.D = {0.1, 0.01, 0.0, 0.0};
+  CameraUse use;
+  use.is_rectified = true;
+  EXPECT_LT((pixel_of(camera_model(info, use, "test"), kPoint) - by_p(info, kPoint)).norm(), 1e-6);
 }
 
 TEST(CameraModel, BinningAndRegionOfInterestCount) {
