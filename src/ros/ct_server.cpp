@@ -158,13 +158,10 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
     const LabelVolume volume = read_labels(labels, loaded.ct.whole_grid);
     loaded.surfaces = label_surfaces(volume, surface_triangles_);
     require_sendable(loaded.surfaces, labels);
-    if (const std::string warning = border_warning(volume, label_table_); !warning.empty())
-      loaded.ct.warnings.push_back(warning);
-    for (const auto& [label, surface] : loaded.surfaces)
-      if (surface.triangles.empty())
-        loaded.ct.warnings.push_back(
-            "label " + std::to_string(label) + " is too thin for a surface of " +
-            std::to_string(surface_triangles_) + " triangles (surface_triangles), and has none");
+    for (const std::string& warning :
+         {border_warning(volume, label_table_),
+          loss_warning(volume, loaded.surfaces, surface_triangles_, label_table_)})
+      if (!warning.empty()) loaded.ct.warnings.push_back(warning);
   } else if (Surface surface = iso_surface(loaded.ct.volume, surface_hu_, surface_triangles_);
              !surface.triangles.empty()) {
     loaded.surfaces[0] = std::move(surface);

@@ -16,6 +16,12 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
+/// Whether the motor swings towards smaller angles, as in every other sweep of a recording.
+bool runs_backward(const ScanGeometry& geometry) {
+  const auto* sweep = std::get_if<MotorSweep>(&geometry.motion);
+  return sweep && sweep->frame_angles_rad.front() > sweep->frame_angles_rad.back();
+}
+
 }  // namespace
 
 void write_beams(const PreScanVolume& volume, const std::string& output) {
@@ -26,6 +32,10 @@ void write_beams(const PreScanVolume& volume, const std::string& output) {
     endings += (endings.empty() ? "" : ", ") + ultrasound.written_ending;
     if (!ends_with(output, ultrasound.written_ending)) continue;
     ultrasound.write(volume, output);
+    if (ultrasound.can_use(&UltrasoundSource::first_backward) && runs_backward(volume.geometry))
+      print_warnings({output +
+                      ": the sweep runs backward, for which the format has no place; read it with "
+                      "--first-backward, or it is mirrored"});
     if (ultrasound.can_use(&UltrasoundSource::probe))
       print_warnings({output +
                       ": the format has no place for radii, depth and angles; keep the probe's "

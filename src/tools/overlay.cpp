@@ -50,8 +50,12 @@ Picture empty_image(const CameraIntrinsics& camera) {
 std::vector<OverlayStructure> structures_of(const OverlayCommand& command) {
   const LabelTable table = command.names.empty() ? LabelTable{} : read_label_table(command.names);
   std::vector<OverlayStructure> structures;
-  for (auto& [label, surface] :
-       label_surfaces(read_volume<std::uint16_t>(command.labels), command.triangles)) {
+  const auto labels = read_volume<std::uint16_t>(command.labels);
+  const auto surfaces = label_surfaces(labels, command.triangles);
+  for (const std::string& warning :
+       {border_warning(labels, table), loss_warning(labels, surfaces, command.triangles, table)})
+    if (!warning.empty()) std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
+  for (const auto& [label, surface] : surfaces) {
     OverlayStructure one;
     one.surface = std::make_shared<const Surface>(surface);
     const auto named = table.find(label);

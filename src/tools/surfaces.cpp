@@ -60,17 +60,12 @@ void write_labels(const SurfacesCommand& command) {
       command.label_table.empty() ? LabelTable{} : read_label_table(command.label_table);
   const auto labels = read_volume<std::uint16_t>(command.labels);
   const auto surfaces = label_surfaces(labels, command.triangles);
-  if (const std::string warning = border_warning(labels, table); !warning.empty())
-    std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
+  for (const std::string& warning :
+       {border_warning(labels, table), loss_warning(labels, surfaces, command.triangles, table)})
+    if (!warning.empty()) std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
   if (surfaces.empty()) throw InputError(command.labels, "has no voxel with a label");
   for (const auto& [label, surface] : surfaces) {
-    if (surface.triangles.empty()) {
-      std::fprintf(stderr,
-                   "usct: warning: label %d is too thin for a surface of %zu triangles; more "
-                   "--triangles may keep it\n",
-                   label, command.triangles);
-      continue;
-    }
+    if (surface.triangles.empty()) continue;
     write(surface, label_text(label, table), label_colour(label, table),
           file_of_label(command.output, label, table));
   }

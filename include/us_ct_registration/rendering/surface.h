@@ -24,10 +24,17 @@ struct Surface {
 /// The surface of each label that has voxels, by label: flying edges (marching cubes), smoothed
 /// against the steps between voxels, and decimated to at most `most_triangles` by quadric error. A
 /// label with many more triangles is meshed on a coarser, smoothed grid first; parts thinner than
-/// that grid are then lost. A label of which nothing would be left is meshed on a finer grid; its
-/// surface is empty if it cannot be decimated that far. Smoothing shrinks structures of less than
-/// about five voxels across. Throws InputError if `most_triangles` is < 1000.
+/// that grid are then lost. A label of which less than half of the volume would be left is meshed
+/// on a finer grid; if that cannot be decimated so far, its surface is what is left, possibly
+/// nothing, and `loss_warning` names it. Smoothing shrinks structures of less than about five
+/// voxels across. Throws InputError if `most_triangles` is < 1000.
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles);
+
+/// A sentence that names the labels whose `surfaces`, those of `label_surfaces` with the same
+/// arguments, keep less than three quarters of their volume, or end more than 5 mm before their
+/// voxels do. Empty if there are none.
+std::string loss_warning(const LabelVolume& labels, const std::map<int, Surface>& surfaces,
+                         std::size_t most_triangles, const LabelTable& table);
 
 /// A sentence that names the labels with voxels on the border of the volume: what they mark may go
 /// on beyond it, and its surface ends in a plane there. Empty if there are none.

@@ -56,6 +56,18 @@ class UltrasoundSourceTest : public testing::Test {
     return source;
   }
 
+  /// The same with a further, constant transform in the calibration.
+  UltrasoundSource with_constant(const std::string& from, const std::string& to) const {
+    UltrasoundSource source = source_of(b_mode_sweep());
+    std::ofstream(source.calibration)
+        << "<PlusConfiguration><CoordinateDefinitions><Transform From=\"Image\" To=\"Probe\" "
+           "Matrix=\"0.5 0 0 -15  0 0.5 0 0  0 0 1 0  0 0 0 1\"/><Transform From=\""
+        << from << "\" To=\"" << to
+        << "\" Matrix=\"1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\"/>"
+           "</CoordinateDefinitions></PlusConfiguration>";
+    return source;
+  }
+
   std::filesystem::path probe_yaml() const {
     const auto path = folder_.path() / "probe.yaml";
     std::ofstream(path) << "name: test\nkind: linear\nlines: 21\nline_pitch_mm: 1\n"
@@ -95,6 +107,17 @@ TEST_F(UltrasoundSourceTest, BModeImagesAreResampledAlongTheBeamsOfAProbe) {
   const Eigen::Vector3d p_us = us_from_scan(volume.geometry, {0, 0, 3});
   EXPECT_LT((p_us - T_reference_probe(3) * Eigen::Vector3d(-10, 1, 0)).norm(), 1e-4);
   EXPECT_EQ(std::get<TrackedSweep>(volume.geometry.motion).frame_times_s.size(), 8U);
+}
+
+/// All frames would lie in one place, without a word.
+TEST_F(UltrasoundSourceTest, ACalibrationDoesNotReplaceTrackedPoses) {
+  expect_input_error([&] { read_ultrasound(with_constant("Probe", "Reference")); },
+                     {"calibration.xml", "'ProbeToReference'", "sweep.igs.mha", "changes"});
+  expect_input_error([&] { read_ultrasound(with_constant("Reference", "Probe")); },
+                     {"calibration.xml", "'ReferenceToProbe'", "'ProbeToReference'"});
+  expect_input_error([&] { read_ultrasound(with_constant("Image", "Reference")); },
+                     {"calibration.xml", "'Image' to 'Reference'", "one place"});
+  EXPECT_NO_THROW(read_ultrasound(with_constant("Reference", "Room")));
 }
 
 TEST_F(UltrasoundSourceTest, AnOptionThatTheSequenceCannotUseIsRefused) {

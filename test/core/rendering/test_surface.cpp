@@ -211,6 +211,43 @@ TEST(Surface, OfAThinSheetIsThereWithFewTriangles) {
   for (const Eigen::Vector3d& p : sheet.points_mm) EXPECT_NEAR(p.z(), 2.0, 1.0);
 }
 
+/// A capsule or a vessel: a grid that is too coarse for it leaves holes, or a few triangles.
+TEST(Surface, OfAThinShellKeepsItsVolumeOrIsNamed) {
+  Grid grid;
+  grid.size = {96, 96, 96};
+  grid.spacing_mm = {0.75, 0.75, 0.75};
+  const Eigen::Vector3d centre = grid.centre_mm();
+  const auto labels = filled<std::uint16_t>(grid, [&](const Eigen::Vector3d& p) {
+    return std::abs((p - centre).norm() - 30.0) < 1.0 ? 7 : 0;
+  });
+  const auto voxels = std::count(labels.voxels.begin(), labels.voxels.end(), 7);
+  const double expected_mm3 = static_cast<double>(voxels) * grid.spacing_mm.prod();
+  for (const std::size_t most : {1000UL, 2000UL, 5000UL, 20000UL, 200000UL}) {
+    const std::map<int, Surface> surfaces = label_surfaces(labels, most);
+    EXPECT_LE(surfaces.at(7).triangles.size(), most);
+    const std::string warning = loss_warning(labels, surfaces, most, {});
+    const bool is_whole = volume_mm3(surfaces.at(7)) > 0.75 * expected_mm3;
+    EXPECT_EQ(is_whole, warning.empty()) << most << ": " << warning;
+    EXPECT_TRUE(is_whole || most < 200000);
+    EXPECT_TRUE(is_whole || warning.find("'7 label' keeps ") != std::string::npos) << warning;
+  }
+}
+
+TEST(Surface, ABranchThatIsCutOffIsNamed) {
+  Grid grid;
+  grid.size = {100, 60, 60};
+  const Eigen::Vector3d centre(30.0, 30.0, 30.0);
+  LabelVolume labels(grid, 0);
+  labels = filled<std::uint16_t>(
+      grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() < 25.0 ? 3 : 0; });
+  const std::map<int, Surface> without = label_surfaces(labels, 2000);
+  EXPECT_EQ(loss_warning(labels, without, 2000, {}), "");
+  for (int i = 55; i < 70; ++i) labels.at(i, 30, 30) = 3;
+  EXPECT_NE(loss_warning(labels, without, 2000, {}).find("'3 label' ends 1"), std::string::npos);
+  EXPECT_NE(loss_warning(labels, {{3, {}}}, 2000, {}).find("'3 label' has no surface"),
+            std::string::npos);
+}
+
 TEST(Surface, LabelsThatTheBorderCutsAreNamed) {
   Grid grid;
   grid.size = {12, 10, 8};

@@ -94,6 +94,13 @@ Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& 
                                 const std::string& from, const std::string& to,
                                 const std::string& source);
 
+/// Whether valid transforms lead from one coordinate frame to another.
+bool is_connected(const IgsioTransforms& transforms, const std::string& from,
+                  const std::string& to);
+
+/// Whether two transforms are named for opposite directions: "ProbeToTracker", "TrackerToProbe".
+bool is_inverse_name(const std::string& one, const std::string& other);
+
 /// One frame with its axes in another order: `orientation` is any of MF, UF, MN, UN, FM, FU, NM,
 /// NU.
 struct OrientedImage {

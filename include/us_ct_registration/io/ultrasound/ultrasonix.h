@@ -89,7 +89,8 @@ PreScanVolume to_prescan(const UltrasonixSequence& sequence, const ProbeConfig& 
                          const TrackedSweep& sweep, const std::string& source);
 
 /// Entries in the table of formats: see UltrasoundFormat and FileFormat::describe. The written
-/// sampling frequency is that of the sample spacing at 1540 m/s.
+/// sampling frequency is that of the sample spacing at 1540 m/s. A tracked sweep and frames that
+/// are not evenly spaced are not written.
 UltrasoundInput read_ultrasonix_ultrasound(const UltrasoundSource& source);
 void write_ultrasonix_beams(const PreScanVolume& volume, const std::filesystem::path& path);
 std::string describe_ultrasonix(const std::filesystem::path& path);

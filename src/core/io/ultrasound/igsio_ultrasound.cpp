@@ -1,5 +1,6 @@
 // Conversion of a tracked sequence to ultrasound with poses in the US frame, and back.
 #include <algorithm>
+#include <set>
 
 #include "io/description.h"
 #include "io/ultrasound/option_checks.h"
@@ -33,10 +34,42 @@ struct ValidFrames {
   std::vector<double> times_s;  // empty unless every frame has one
 };
 
+/// The transforms of the frames that are not the same in all of them: what a tracker has seen.
+std::set<std::string> tracked_names(const IgsioSequence& sequence) {
+  std::set<std::string> tracked;
+  IgsioTransforms first;
+  for (const IgsioFrame& frame : sequence.frames)
+    for (const auto& [name, transform] : frame.transforms) {
+      if (!transform.valid()) continue;
+      const auto& before = first.try_emplace(name, transform).first->second;
+      if (before.T.matrix() != transform.T.matrix()) tracked.insert(name);
+    }
+  return tracked;
+}
+
+/// A transform of the calibration that stands for tracked ones, or a chain of calibrations alone,
+/// would put all frames into one place.
+void require_tracked_poses(const IgsioSequence& sequence, const UltrasoundSource& source,
+                           const IgsioTransforms& calibration, const std::string& from) {
+  const std::set<std::string> tracked = tracked_names(sequence);
+  if (tracked.empty()) return;
+  const std::string file = source.calibration.string();
+  for (const auto& [name, ignored] : calibration)
+    for (const std::string& one : tracked)
+      if (one == name || is_inverse_name(one, name))
+        throw InputError(file, "the transform '" + name + "' would replace '" + one + "' of '" +
+                                   source.path.string() + "', which changes from frame to frame");
+  if (from != source.to && is_connected(calibration, from, source.to))
+    throw InputError(file, "its transforms alone lead from '" + from + "' to '" + source.to +
+                               "', so that all frames of '" + source.path.string() +
+                               "' would lie in one place; leave out those that are tracked");
+}
+
 ValidFrames valid_frames(const IgsioSequence& sequence, const UltrasoundSource& source,
                          const std::string& from, std::vector<std::string>& warnings) {
   const IgsioTransforms calibration =
       source.calibration.empty() ? IgsioTransforms{} : read_plus_calibration(source.calibration);
+  require_tracked_poses(sequence, source, calibration, from);
   ValidFrames valid;
   for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
     const IgsioFrame& frame = sequence.frames[i];

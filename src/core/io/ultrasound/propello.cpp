@@ -5,6 +5,7 @@
 #include "io/bytes.h"
 #include "io/description.h"
 #include "io/ultrasound/propello_format.h"
+#include "io/ultrasound/recordable_sweep.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 
@@ -12,18 +13,6 @@ namespace usct {
 namespace {
 
 constexpr double kMillidegrees = 1000.0 / kDegree;
-
-/// The angle between frames. Throws InputError unless it is the same throughout the sweep.
-double even_pitch_rad(const std::vector<double>& angles_rad, const std::string& source) {
-  constexpr double kEvenMillidegrees = 0.5;
-  const double pitch =
-      (angles_rad.back() - angles_rad.front()) / static_cast<double>(angles_rad.size() - 1);
-  for (std::size_t i = 1; i < angles_rad.size(); ++i)
-    if (std::abs(angles_rad[i] - angles_rad[i - 1] - pitch) * kMillidegrees > kEvenMillidegrees)
-      throw InputError(source, "a .vol file holds one angle between frames, but step " +
-                                   std::to_string(i) + " of this sweep differs from the mean");
-  return pitch;
-}
 
 }  // namespace
 
@@ -79,17 +68,15 @@ UltrasoundInput read_propello_ultrasound(const UltrasoundSource& source) {
 }
 
 void write_propello_beams(const PreScanVolume& volume, const std::filesystem::path& path) {
-  const auto* sweep = std::get_if<MotorSweep>(&volume.geometry.motion);
-  if (!sweep)
-    throw InputError(path.string(), "a .vol file holds motorised sweeps, not tracked ones");
-  const double pitch_rad = even_pitch_rad(sweep->frame_angles_rad, path.string());
+  const double pitch_rad = io::recordable_pitch_rad(volume, path);
   PropelloVolumes volumes;
   volumes.header.volumes = 1;
   volumes.header.fpv = volume.geometry.frames();
   volumes.header.w = volume.geometry.lines();
   volumes.header.h = volume.geometry.samples();
   volumes.header.ss = 8;
-  volumes.header.degPerFr = static_cast<std::int32_t>(std::abs(pitch_rad) * kMillidegrees);
+  volumes.header.degPerFr =
+      static_cast<std::int32_t>(std::lround(std::abs(pitch_rad) * kMillidegrees));
   volumes.voxels = volume.voxels;
   write_propello(volumes, path);
 }

@@ -17,15 +17,27 @@ struct Link {
   bool valid;
 };
 
-/// Adds the links of one transform: "ProbeToTracker" links Probe and Tracker in both directions. A
-/// name with several "To" before a capital ("ToolToToTable") is split at each of them; a wrong
-/// split does no harm, because no other transform knows its coordinate frames.
-void add_links(const std::string& name, const IgsioTransform& transform, std::vector<Link>& links) {
+struct Ends {
+  std::string from;
+  std::string to;
+};
+
+/// "ProbeToTracker" leads from Probe to Tracker. A name with several "To" before a capital
+/// ("ToolToToTable") is split at each of them; a wrong split does no harm, because no other
+/// transform knows its coordinate frames.
+std::vector<Ends> ends_of(const std::string& name) {
+  std::vector<Ends> ends;
   for (std::size_t at = name.find("To", 1); at != std::string::npos; at = name.find("To", at + 1)) {
-    const std::string from = name.substr(0, at);
     const std::string to = name.substr(at + 2);
     const bool starts_a_word = !to.empty() && (to[0] < 'a' || to[0] > 'z');
-    if (!starts_a_word) continue;
+    if (starts_a_word) ends.push_back({name.substr(0, at), to});
+  }
+  return ends;
+}
+
+/// Adds the links of one transform, in both directions.
+void add_links(const std::string& name, const IgsioTransform& transform, std::vector<Link>& links) {
+  for (const auto& [from, to] : ends_of(name)) {
     // A singular matrix is a link in one direction only.
     const bool invertible = transform.T.linear().determinant() != 0.0;
     links.push_back({name, from, to, transform.T, transform.valid()});
@@ -77,15 +89,33 @@ std::vector<const Link*> shortest_path(const std::vector<Link>& links, const std
                                (known.empty() ? "nothing" : known));
 }
 
+std::vector<Link> links_of(const IgsioTransforms& transforms) {
+  std::vector<Link> links;
+  for (const auto& [name, transform] : transforms) add_links(name, transform, links);
+  return links;
+}
+
 }  // namespace
+
+bool is_connected(const IgsioTransforms& transforms, const std::string& from,
+                  const std::string& to) {
+  std::set<std::string> reached;
+  shortest_path(links_of(transforms), from, to, true, reached);
+  return reached.count(to) != 0;
+}
+
+bool is_inverse_name(const std::string& one, const std::string& other) {
+  for (const auto& [from, to] : ends_of(one))
+    if (other == to + "To" + from) return true;
+  return false;
+}
 
 Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& calibration,
                                 const std::string& from, const std::string& to,
                                 const std::string& source) {
   IgsioTransforms transforms = calibration;
   transforms.insert(frame.transforms.begin(), frame.transforms.end());
-  std::vector<Link> links;
-  for (const auto& [name, transform] : transforms) add_links(name, transform, links);
+  const std::vector<Link> links = links_of(transforms);
   std::set<std::string> reached;
   const std::vector<const Link*> path = shortest_path(links, from, to, true, reached);
   if (path.empty() && from != to) fail(links, transforms, from, to, source, reached);

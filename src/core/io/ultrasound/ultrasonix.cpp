@@ -4,6 +4,7 @@
 
 #include "io/bytes.h"
 #include "io/description.h"
+#include "io/ultrasound/recordable_sweep.h"
 #include "io/ultrasound/ultrasonix_format.h"
 #include "us_ct_registration/error.h"
 
@@ -109,6 +110,7 @@ UltrasoundInput read_ultrasonix_ultrasound(const UltrasoundSource& source) {
 }
 
 void write_ultrasonix_beams(const PreScanVolume& volume, const std::filesystem::path& path) {
+  io::recordable_pitch_rad(volume, path);  // the probe's YAML states it
   UltrasonixSequence sequence;
   UltrasonixHeader& h = sequence.header;
   h.type = kUltrasonixPreScanB;
