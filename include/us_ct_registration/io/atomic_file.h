@@ -13,8 +13,11 @@ namespace usct {
 /// creates it. The temporary is then flushed to disk and renamed to `target`. On any failure it is
 /// removed, and `target` is untouched.
 ///
+/// A link is followed: the file that it leads to is written.
+///
 /// Throws InputError, naming `target`, if its folder does not exist or cannot be written to, or if
-/// `target` is a folder; std::runtime_error if the disk fails; and whatever `write` throws.
+/// `target` is there and no regular file (a folder, a device, a pipe); std::runtime_error if the
+/// disk fails; and whatever `write` throws.
 void write_atomically(const std::filesystem::path& target,
                       const std::function<void(const std::filesystem::path& temporary)>& write);
 

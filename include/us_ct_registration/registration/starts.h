@@ -40,11 +40,13 @@ struct StartOptions {
   void validate(const std::string& source) const;
 };
 
-/// Starts that are spread evenly without random numbers: the same options give the same starts. The
-/// first is the initial pose, 0. Every prefix of the sequence is spread evenly as well.
+/// `options.count` starts that are spread evenly without random numbers, from number `first` of
+/// their sequence on: the same options give the same starts. Number 0 is the initial pose, 0. Every
+/// prefix of the sequence is spread evenly as well.
 ///
 /// The sequence is Sobol's (Sobol 1967, direction numbers of Joe and Kuo 2008); counts that are
 /// powers of two are the most even.
-std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options);
+std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options,
+                                      std::size_t first = 0);
 
 }  // namespace usct

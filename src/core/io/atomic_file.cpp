@@ -45,11 +45,26 @@ fs::path temporary_path(const fs::path& target) {
                               std::to_string(++counter) + "-" + target.filename().string());
 }
 
+/// The file that a link leads to: a rename would take the place of the link, and leave its file as
+/// it was.
+fs::path behind_links(fs::path target) {
+  constexpr int kMostLinks = 40;  // as Linux
+  for (int i = 0; i < kMostLinks && fs::is_symlink(fs::symlink_status(target)); ++i)
+    target = folder_of(target) / fs::read_symlink(target);
+  return target;
+}
+
 void check_target(const fs::path& target) {
   const fs::path folder = folder_of(target);
   std::error_code error;
   if (!target.has_filename() || fs::is_directory(target, error))
     throw InputError(target.string(), "is a folder, must be the name of a file");
+  // A rename would take the place of a device or a pipe, for all programs.
+  const fs::file_status status = fs::status(target, error);
+  if (status.type() == fs::file_type::none)
+    throw InputError(target.string(), "cannot be written: " + error.message());
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw InputError(target.string(), "is not a regular file, must be one or not exist");
   if (!fs::is_directory(folder, error))
     throw InputError(target.string(), "folder '" + folder.string() + "' does not exist");
 }
@@ -79,13 +94,15 @@ void flush_to_disk(const fs::path& path, int flags) {
 
 }  // namespace
 
-void require_writable(const fs::path& target) {
+void require_writable(const fs::path& named) {
+  const fs::path target = behind_links(named);
   check_target(target);
   check_folder_is_writable(target, temporary_path(target));
 }
 
-void write_atomically(const fs::path& target,
+void write_atomically(const fs::path& named,
                       const std::function<void(const fs::path& temporary)>& write) {
+  const fs::path target = behind_links(named);
   check_target(target);
   const fs::path folder = folder_of(target);
   const TemporaryFile temporary(temporary_path(target));

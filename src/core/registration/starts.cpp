@@ -57,11 +57,14 @@ void StartOptions::validate(const std::string& source) const {
   require_within(source, "translation_mm", translation_mm, 0.0, kMostTranslationMm);
 }
 
-std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options) {
+std::vector<PoseVector> spread_starts(const PoseParameters& pose, const StartOptions& options,
+                                      std::size_t first) {
   options.validate("start options");
-  std::vector<PoseVector> starts{PoseVector::Zero()};
+  std::vector<PoseVector> starts;
+  // The sequence's own first point, which is not its start, is the middle as well.
+  if (first == 0) starts.push_back(PoseVector::Zero());
   boost::random::sobol sequence(6);
-  sequence.discard(6);  // the sequence's first point is the middle as well
+  sequence.discard(6 * std::max<std::size_t>(1, first));
   while (starts.size() < static_cast<std::size_t>(options.count))
     starts.push_back(start(pose, options, next_point(sequence)));
   return starts;

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -72,6 +73,29 @@ TEST(AtomicFile, RefusesMissingFolderAndFolderAsTargetBeforeWriting) {
   put(folder.path() / "file", "");
   EXPECT_THROW(write_atomically(folder.path() / "file" / "a.txt", never), InputError);
   EXPECT_THROW(write_atomically("/proc/a.txt", never), InputError);
+}
+
+/// A rename would take the place of a device for all programs, and of a link in place of its file.
+TEST(AtomicFile, ReplacesNeitherDevicesNorLinks) {
+  const TemporaryFolder folder;
+  const auto never = [](const fs::path&) { FAIL() << "must not be called"; };
+  const fs::path pipe = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THROW(write_atomically(pipe, never), InputError);
+  EXPECT_THROW(require_writable(pipe), InputError);
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  const fs::path elsewhere = folder.path() / "elsewhere";
+  fs::create_directory(elsewhere);
+  for (const char* name : {"there.txt", "new.txt"}) {
+    if (name == std::string("there.txt")) put(elsewhere / name, "old");
+    const fs::path link = folder.path() / name;
+    fs::create_symlink(fs::path("elsewhere") / name, link);
+    write_text(link, "text");
+    EXPECT_TRUE(fs::is_symlink(link));
+    EXPECT_EQ(get(elsewhere / name), "text");
+  }
+  fs::create_symlink(folder.path() / "loop", folder.path() / "loop");
+  EXPECT_ANY_THROW(write_text(folder.path() / "loop", "text"));
 }
 
 }  // namespace

@@ -188,6 +188,39 @@ TEST_F(DicomIrregular, OneOfTwoAcquisitionsAtTheSamePlaceCanBeTaken) {
                      {"'acquisition_number' is 3"});
 }
 
+/// Half a slice apart, as two phases may be: one CT of alternating slices.
+TEST_F(DicomIrregular, TwoAcquisitionsThatAlternateAreRefused) {
+  for (int k = 0; k < 6; ++k) {
+    add(2.0 * k);
+    slices_.back().acquisition_number = k % 2 == 0 ? 1 : 2;
+  }
+  write();
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {"2 acquisitions alternate", "acquisition_number"});
+}
+
+TEST_F(DicomIrregular, AcquisitionsOneAfterTheOtherAreOneCt) {
+  for (int k = 0; k < 6; ++k) {
+    add(2.0 * k);
+    slices_.back().acquisition_number = k / 2 + 1;
+  }
+  write();
+  EXPECT_EQ(read_dicom_ct(folder_.path()).volume.grid.size.z(), 6);
+}
+
+TEST_F(DicomIrregular, LinksThatHideSlicesAreNotPassedOver) {
+  for (int k = 0; k < 5; ++k) add(2.0 * k);
+  write();
+  const auto read = [&] { return read_dicom_ct(folder_.path()); };
+  std::filesystem::create_directory_symlink("/", folder_.path() / "all");
+  const std::vector<std::string> warnings = read().warnings;
+  EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [](const std::string& warning) {
+    return warning.find("1 links to folders") != std::string::npos;
+  }));
+  std::filesystem::create_symlink("not_fetched", folder_.path() / "slice_99.dcm");
+  expect_input_error(read, {"slice_99.dcm", "link to a file that does not exist"});
+}
+
 TEST_F(DicomIrregular, MixturesAreRefusedEvenWhenResamplingIsAllowed) {
   for (int k = 0; k < 5; ++k) add(2.0 * k);
   const DicomSlice good = slices_[2];

@@ -118,6 +118,28 @@ TEST(TransformIo, EveryLinearTransformThatIsARotation) {
             Eigen::Vector3d(-1, -2, -3));
 }
 
+/// ITK's own reader of this type leaves the centre out.
+TEST(TransformIo, AVersorTurnsAboutItsCentre) {
+  const Eigen::Vector3d c(1, 2, 3);
+  Eigen::Isometry3d expected = Eigen::Isometry3d::Identity();
+  expected.linear() << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  expected.translation() = c - expected.linear() * c;
+  const std::string versor = tfm("VersorTransform_double_3_3", "0 0 0.70710678118654757", "1 2 3");
+  EXPECT_LT(distance(read_transform_from(versor).inverse(), expected), 1e-9);
+  const std::string composite =
+      "#Insight Transform File V1.0\n#Transform 0\nTransform: CompositeTransform_double_3_3\n"
+      "#Transform 1\nTransform: VersorTransform_double_3_3\n"
+      "Parameters: 0 0 0.70710678118654757\nFixedParameters: 1 2 3\n";
+  EXPECT_LT(distance(read_transform_from(composite).inverse(), expected), 1e-9);
+}
+
+/// As of a decimal point that has slipped; ITK would cut it down to half a turn.
+TEST(TransformIo, AVersorLongerThanOneIsRefused) {
+  for (const char* type : {"VersorRigid3DTransform_double_3_3", "Similarity3DTransform_double_3_3"})
+    expect_input_error([&] { read_transform_from(tfm(type, "0 0 2.474 1 2 3 1", "0 0 0")); },
+                       {"t.tfm", "longer than 1"});
+}
+
 TEST(TransformIo, EulerAnglesInItksOrder) {
   // ITK documents ZXY: R = Rz Rx Ry; with ComputeZYX R = Rz Ry Rx.
   const double x = 0.3, y = -0.4, z = 0.5;

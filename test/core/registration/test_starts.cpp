@@ -146,6 +146,20 @@ TEST(Starts, MoreOfThemBeginWithTheFewer) {
   for (std::size_t i = 0; i < few.size(); ++i) EXPECT_EQ(few[i], many[i]);
 }
 
+/// The rounds of a search take consecutive parts, however many starts there were before.
+TEST(Starts, ContinueWhereThePartBeforeEnded) {
+  StartOptions options;
+  options.count = 100;
+  const std::vector<PoseVector> all = spread_starts(example_pose(), options);
+  options.count = 30;
+  for (const std::size_t first : {0UL, 1UL, 2UL, 30UL, 70UL}) {
+    const std::vector<PoseVector> part = spread_starts(example_pose(), options, first);
+    ASSERT_EQ(part.size(), 30U);
+    for (std::size_t i = 0; i < part.size(); ++i) EXPECT_EQ(part[i], all[first + i]);
+  }
+  EXPECT_EQ(spread_starts(example_pose(), options, 7000000).size(), 30U);
+}
+
 TEST(Starts, BadOptionsAreNamed) {
   const auto expect_refused = [](const std::function<void(StartOptions&)>& spoil,
                                  const std::vector<std::string>& named) {

@@ -381,6 +381,21 @@ TEST_F(Cli, ARecordingAndItsProbeGiveTheAcquisitionBack) {
     EXPECT_LT((us_from_scan(back.geometry, corner) - us_from_scan(volume.geometry, corner)).norm(),
               1e-6);
   }
+  // The way back: the formats have no place for its direction, and say how it is read.
+  auto& sweep = std::get<MotorSweep>(volume.geometry.motion);
+  std::reverse(sweep.frame_angles_rad.begin(), sweep.frame_angles_rad.end());
+  sweep.frame_travel_rad = -sweep.frame_travel_rad;
+  write_prescan_nrrd(volume, path("us.nrrd"));
+  for (const char* name : {"us.bpr", "us.vol"}) {
+    const test::Outcome written = test::run_usct({"convert", path("us.nrrd"), path(name)});
+    EXPECT_NE(written.errors.find("--first-backward"), std::string::npos);
+    run({"convert", path(name), path("back.nrrd"), "--probe", path("probe.yaml"),
+         "--first-backward"});
+    const PreScanVolume back = read_prescan_nrrd(path("back.nrrd"));
+    const ScanIndex corner{59, 47, 39};
+    EXPECT_LT((us_from_scan(back.geometry, corner) - us_from_scan(volume.geometry, corner)).norm(),
+              1e-6);
+  }
   expect_refused({"convert", path("us.bpr"), path("x.nrrd")}, "a probe YAML is needed");
   expect_refused({"convert", path("us.nrrd"), path("x.nrrd"), "--sweep", "3"}, "'sweep' is '3'");
   expect_refused({"convert", path("probe.yaml"), path("x.nrrd"), "--sweep", "3"}, "not ultrasound");

@@ -110,6 +110,11 @@ std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Se
   if (!localizers.empty())
     warnings.push_back("passed over: " + std::to_string(localizers.size()) + " localizers (" +
                        listed(localizers, [](const std::string& name) { return name; }) + ")");
+  if (!scan.linked_folders.empty())
+    warnings.push_back(
+        "passed over: " + std::to_string(scan.linked_folders.size()) +
+        " links to folders, which are not followed (" +
+        listed(scan.linked_folders, [](const fs::path& p) { return p.filename().string(); }) + ")");
   if (!scan.not_dicom.empty())
     warnings.push_back(
         "passed over: " + std::to_string(scan.not_dicom.size()) + " files that are not DICOM (" +

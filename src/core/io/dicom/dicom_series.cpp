@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "io/dicom/dicom_report.h"
 #include "parallel.h"
@@ -14,12 +15,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<fs::path> list_files(const fs::path& folder, bool with_subfolders) {
-  std::vector<fs::path> paths;
+struct Listing {
+  std::vector<fs::path> files;
+  std::vector<fs::path> linked_folders;
+};
+
+/// Throws InputError for a link that leads nowhere, to data that was not fetched or a disk that is
+/// not mounted: of slices that are missing at an end of the CT nothing else tells.
+Listing list_files(const fs::path& folder, bool with_subfolders) {
+  Listing found;
   std::error_code error;
   const auto add = [&](const fs::directory_entry& entry) {
     std::error_code ignored;
-    if (entry.is_regular_file(ignored)) paths.push_back(entry.path());
+    if (entry.is_regular_file(ignored))
+      found.files.push_back(entry.path());
+    else if (entry.is_symlink(ignored) && !entry.exists(ignored))
+      throw InputError(entry.path().string(), "is a link to a file that does not exist");
+    else if (entry.is_symlink(ignored) && entry.is_directory(ignored))
+      found.linked_folders.push_back(entry.path());
   };
   if (with_subfolders)
     for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
@@ -29,8 +42,8 @@ std::vector<fs::path> list_files(const fs::path& folder, bool with_subfolders) {
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
       add(*it);
   if (error) throw InputError(folder.string(), "folder cannot be read: " + error.message());
-  std::sort(paths.begin(), paths.end());
-  return paths;
+  std::sort(found.files.begin(), found.files.end());
+  return found;
 }
 
 DicomScan scan_files(const std::vector<fs::path>& paths) {
@@ -50,7 +63,9 @@ DicomScan scan_files(const std::vector<fs::path>& paths) {
 }
 
 DicomScan scan_folder(const fs::path& folder) {
-  DicomScan scan = scan_files(list_files(folder, true));
+  Listing found = list_files(folder, true);
+  DicomScan scan = scan_files(found.files);
+  scan.linked_folders = std::move(found.linked_folders);
   if (scan.files.empty())
     throw InputError(folder.string(), "folder holds no DICOM files (" +
                                           std::to_string(scan.not_dicom.size()) + " others)");
@@ -65,7 +80,7 @@ DicomScan scan_series_of(const fs::path& path) {
     throw InputError(path.string(),
                      "is a DICOMDIR; must be the folder that it lies in, or an image");
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  DicomScan scan = scan_files(list_files(folder, false));
+  DicomScan scan = scan_files(list_files(folder, false).files);
   const auto other = [&](const DicomFile& f) {
     return f.series_uid != file->series_uid || f.modality != file->modality;
   };
@@ -138,8 +153,28 @@ std::vector<SlicePose> poses_of(const std::vector<Slice>& slices) {
   return poses;
 }
 
+/// Two acquisitions of one place, half a slice apart, would become one CT of alternating slices.
+/// Acquisitions one after the other, or one for each turn of the gantry, each have a range.
+void report_alternating(const std::vector<Slice>& slices, SliceStack& stack) {
+  std::set<std::optional<int>> numbers;
+  std::size_t changes = 0;
+  const Slice* before = nullptr;
+  for (const int at : stack.order) {
+    const Slice& slice = slices[static_cast<std::size_t>(at)];
+    numbers.insert(slice.info().acquisition_number);
+    changes += before && before->info().acquisition_number != slice.info().acquisition_number;
+    before = &slice;
+  }
+  const bool have_ranges = changes < numbers.size();
+  if (!have_ranges && 2 * changes >= stack.order.size())
+    stack.fatal.push_back("slices of " + std::to_string(numbers.size()) +
+                          " acquisitions alternate; 'acquisition_number' must name one");
+}
+
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance) {
   SliceStack stack = stack_slices(poses_of(slices), tolerance);
+  const bool has_duplicates = stack.order.size() < slices.size();
+  if (stack.fatal.empty() && !has_duplicates) report_alternating(slices, stack);
   for (const Slice& slice : slices)
     if (slice.file->frame_of_reference_uid != slices.front().file->frame_of_reference_uid) {
       stack.fatal.push_back("slices differ in 'FrameOfReferenceUID': '" +

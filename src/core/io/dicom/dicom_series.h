@@ -16,6 +16,7 @@ struct DicomScan {
   /// Files in the order of their paths.
   std::vector<DicomFile> files;
   std::vector<std::filesystem::path> not_dicom;
+  std::vector<std::filesystem::path> linked_folders;  // not followed
 };
 
 /// The files of a folder with all its subfolders; or, for a file, those of its series in its own

@@ -1,7 +1,9 @@
 #include <itkTxtTransformIO.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string_view>
+#include <vector>
 
 #include "io/bytes.h"
 #include "io/results/itk_transform_files.h"
@@ -14,13 +16,21 @@ namespace {
 /// type needs. ITK reads them up to what is no number, and then uses what is beyond their end.
 void require_parameters(std::string_view parameters, const std::string& type,
                         const std::string& source) {
-  const std::size_t count = parse_doubles(parameters, source, "Parameters").size();
+  const std::vector<double> values = parse_doubles(parameters, source, "Parameters");
+  const std::size_t count = values.size();
   const itk::LightObject::Pointer object = itk::ObjectFactoryBase::CreateInstance(type.c_str());
   const auto* transform = dynamic_cast<const AnyTransform*>(object.GetPointer());
   if (transform == nullptr || !transform->IsLinear()) return;
   if (count < transform->GetNumberOfParameters())
     throw InputError(source, "'Parameters' has " + std::to_string(count) + " numbers, a " + type +
                                  " needs " + std::to_string(transform->GetNumberOfParameters()));
+  // The vector part of a unit quaternion, which ITK would cut down to a half turn.
+  constexpr double kMostVersor = 1.0 + 1e-6;
+  const bool is_versor =
+      type.find("Versor") != std::string::npos || type.find("Similarity3D") != std::string::npos;
+  if (is_versor && std::hypot(values[0], values[1], values[2]) > kMostVersor)
+    throw InputError(source, "'Parameters' of a " + type +
+                                 " begin with a versor longer than 1, which is no rotation");
 }
 
 /// Throws InputError for a text file that ends before its parameters, which ITK would read as the

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <itkAffineTransform.h>
+#include <itkCompositeTransform.h>
 #include <itkTransformFactory.h>
 #include <itkTransformFileReader.h>
 #include <itkTransformFileWriter.h>
@@ -71,6 +72,17 @@ inline LinearMap linear_map(const AnyTransform& transform) {
   return map;
 }
 
+/// Restores the offset that ITK leaves out when it reads some transforms with a centre: the
+/// parameters of a VersorTransform make its matrix alone.
+inline void apply_centre(itk::TransformBaseTemplate<double>& transform) {
+  if (auto* composite = dynamic_cast<itk::CompositeTransform<double, 3>*>(&transform)) {
+    for (itk::SizeValueType i = 0; i < composite->GetNumberOfTransforms(); ++i)
+      apply_centre(*composite->GetNthTransformModifiablePointer(i));
+  } else if (dynamic_cast<itk::MatrixOffsetTransformBase<double, 3, 3>*>(&transform) != nullptr) {
+    transform.SetFixedParameters(transform.GetFixedParameters());
+  }
+}
+
 /// Reads a file of which the reader's own faults are ruled out.
 inline LinearMap read_by(const TransformIo& io, const std::filesystem::path& path) {
   const std::string source = path.string();
@@ -82,6 +94,7 @@ inline LinearMap read_by(const TransformIo& io, const std::filesystem::path& pat
   if (transforms->size() != 1)
     throw InputError(source, "holds " + std::to_string(transforms->size()) +
                                  " transforms, must hold 1 (or one CompositeTransform)");
+  apply_centre(*transforms->front());
   const std::string type = transforms->front()->GetTransformTypeAsString();
   const auto* transform = dynamic_cast<const AnyTransform*>(transforms->front().GetPointer());
   if (transform == nullptr || !transform->IsLinear())

@@ -10,12 +10,17 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using Motion = Eigen::Matrix<double, 6, 1>;
 
-/// The motion of the US frame that leads from one pose to another.
-Motion motion_between(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct) {
+/// The motion of the US frame that leads from one pose to another: its rotation vector, and the
+/// shift of the origin with which the point at `centre_us_mm` moves as it does. The translation
+/// itself would count what a rotation that is not small does to an origin that is far away, as that
+/// of a tracker is.
+Motion motion_between(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct,
+                      const Vector3d& centre_us_mm) {
   const Isometry3d T = T_b_us_ct * T_a_us_ct.inverse();
   const Eigen::AngleAxisd turn(T.rotation());
+  const Vector3d rotation = turn.angle() * turn.axis();
   Motion motion;
-  motion << turn.angle() * turn.axis(), T.translation();
+  motion << rotation, T * centre_us_mm - centre_us_mm - rotation.cross(centre_us_mm);
   return motion;
 }
 
@@ -49,8 +54,8 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
   // Both ways to halve the field estimate the same covariance, so their mean counts.
   const double share = options.parts_factor / 2.0 / std::sqrt(2.0 * halves.size());
   for (const HalfPoses& half : halves) {
-    add(share * motion_between(half.left, half.right));
-    add(share * motion_between(half.first, half.last));
+    add(share * motion_between(half.left, half.right, centre_us_mm));
+    add(share * motion_between(half.first, half.last, centre_us_mm));
   }
   const Vector3d axial = field_axes(recorded).axial;
   const double depth_share = std::max(options.sound_speed_share, std::abs(shown.depth));

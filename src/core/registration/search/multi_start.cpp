@@ -16,14 +16,13 @@ std::vector<Candidate> starts_of(const SearchProblem& problem, int round, Run& r
     return problem.blocks->poses(
         problem.T_us_ct_initial, problem.mirror, problem.field, problem.options.distinct_mm,
         static_cast<std::size_t>(problem.options.levels.front().optimised), run);
-  StartOptions all = *problem.options.starts;
-  const int first = round * all.count;
-  all.count += first;
+  const StartOptions& starts = *problem.options.starts;
   const PoseParameters pose(problem.T_us_ct_initial, problem.field.us_mm());
-  const std::vector<PoseVector> vectors = spread_starts(pose, all);
+  const std::size_t first =
+      static_cast<std::size_t>(round) * static_cast<std::size_t>(starts.count);
   std::vector<Candidate> candidates;
-  for (auto i = static_cast<std::size_t>(first); i < vectors.size(); ++i)
-    candidates.push_back({pose.T_us_ct(vectors[i]), {}});
+  for (const PoseVector& start : spread_starts(pose, starts, first))
+    candidates.push_back({pose.T_us_ct(start), {}});
   const std::vector<Eigen::Vector3d>& shifts = problem.start_shifts_us_mm;
   const std::size_t unmoved = shifts.empty() ? 0 : candidates.size();
   for (std::size_t i = 0; i < unmoved; ++i)
@@ -195,12 +194,14 @@ std::vector<Candidate> multi_start(const SearchProblem& problem, int round,
 std::vector<Candidate> optima_near(const std::vector<SearchProblem>& problems,
                                    const Eigen::Isometry3d& T_us_ct, double reach_mm, Run& run) {
   const LevelOptions& deciding = problems.front().options.levels.back();
+  // A reach of less is none to the optimizer.
+  const double least_mm = 2.0 * deciding.optimizer.step_tolerance;
   std::vector<std::vector<Candidate>> starts(problems.size(), {{T_us_ct, {}}});
   std::vector<Climbers> climbers;
   for (std::size_t i = 0; i < problems.size(); ++i)
     climbers.push_back({*problems[i].similarities.back().all, starts[i]});
-  climb(climbers, {deciding.optimizer, reach_mm, {}, problems.front().seed}, problems.front().field,
-        run);
+  climb(climbers, {deciding.optimizer, std::max(reach_mm, least_mm), {}, problems.front().seed},
+        problems.front().field, run);
   std::vector<Candidate> optima;
   for (const std::vector<Candidate>& of_problem : starts) optima.push_back(of_problem.front());
   return optima;
