@@ -135,7 +135,7 @@ struct ConfidenceOptions {
   GateLimits gates;
   EvidenceSource evidence = EvidenceSource::kOwn;
   /// An optimum farther than this from the best one is a rival, mm; a closer one lies on the slope
-  /// of the best one; >= 0.
+  /// of the best one; >= 1.
   double rival_mm = 10.0;
   /// Similarities of patches on the images of the deciding level, which did not choose the pose:
   /// almost without a ridge, where faint structure counts as well as edges, and with one. One

@@ -164,7 +164,10 @@ void ErrorOptions::validate(const std::string& source) const {
 
 void ConfidenceOptions::validate(const std::string& source) const {
   gates.validate(source + ".gates");
-  require_not_negative(source, "rival_mm", rival_mm);
+  // A pose that is found again some tenths beside itself is no rival.
+  constexpr double kLeastRivalMm = 1.0;
+  require(std::isfinite(rival_mm) && rival_mm >= kLeastRivalMm, source, "rival_mm", rival_mm,
+          "finite and >= 1");
   usct::validate(similarity, source + ".similarity");
   usct::validate(ridge_similarity, source + ".ridge_similarity");
   require_positive(source, "cluster_mm", cluster_mm);

@@ -233,7 +233,7 @@ inline void randomise(ConfidenceOptions& o) {
       o;
   randomise(gates);
   source = one_of({EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient});
-  rival_mm = between(0, 30);
+  rival_mm = between(1, 30);
   randomise(similarity);
   randomise(ridge_similarity);
   cluster_mm = between(1, 50);

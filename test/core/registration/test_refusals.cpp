@@ -258,7 +258,8 @@ TEST(Refusals, InvalidOptionsOfTheEvidence) {
     expect_input_error([&] { options.validate("o"); }, named);
   };
   using Confidence = ConfidenceOptions;
-  expect_error([](Confidence& o) { o.rival_mm = -1.0; }, {"o.confidence", "'rival_mm' is -1"});
+  expect_error([](Confidence& o) { o.rival_mm = 0.9; },
+               {"o.confidence", "'rival_mm' is 0.9", ">= 1"});
   expect_error([](Confidence& o) { o.cluster_mm = 0.0; }, {"o.confidence", "'cluster_mm' is 0"});
   expect_error([](Confidence& o) { o.cluster_step_mm = 0.0; },
                {"o.confidence", "'cluster_step_mm' is 0"});
