@@ -9,6 +9,7 @@
 #include "parallel.h"
 #include "require.h"
 #include "ultrasound/depth_profiles.h"
+#include "ultrasound/frames_in_air.h"
 #include "ultrasound/gaussian_sums.h"
 
 namespace usct {
@@ -47,8 +48,10 @@ class Exclusion {
   void run() {
     result_.reasons.assign(us_.brightness.size(), 0);
     smooth();
+    if (options_.no_contact_share > 0.0) air_ = frames_in_air(us_);
     profiles_ =
-        depth_profiles(soft_.data(), soft_.size(), us_.known, static_cast<std::size_t>(samples_));
+        depth_profiles(soft_.data(), soft_.size(), air_.empty() ? us_.known : known_outside_air(),
+                       static_cast<std::size_t>(samples_));
     find_depths();
     find_far_wall();
     judge_depths();
@@ -76,6 +79,22 @@ class Exclusion {
     for_frames([&](int first, int last) {
       for (int beam = first; beam < last; ++beam) body(beam);
     });
+  }
+
+  /// The known samples of the frames with contact. A sweep that is recorded before the probe
+  /// touches may have more frames in air than not, which would be the usual ones.
+  std::vector<std::uint8_t> known_outside_air() const {
+    std::vector<std::uint8_t> known = us_.known;
+    known.resize(soft_.size(), 1);
+    for (int frame = 0; frame < us_.beams.frames; ++frame)
+      if (is_in_air(frame * us_.beams.lines))
+        std::fill_n(known.begin() + static_cast<std::ptrdiff_t>(at(frame * us_.beams.lines, 0)),
+                    us_.beams.lines * samples_, 0);
+    return known;
+  }
+
+  bool is_in_air(int beam) const {
+    return !air_.empty() && air_[static_cast<std::size_t>(beam / us_.beams.lines)] != 0;
   }
 
   /// Averages speckle over the known samples.
@@ -275,7 +294,7 @@ class Exclusion {
   /// `judged` is memory that is used again.
   void mark(int beam, std::vector<int>& judged) {
     find_judged(beam, judged);
-    const bool no_contact = is_constant(beam) || is_dark(beam, judged);
+    const bool no_contact = is_in_air(beam) || is_constant(beam) || is_dark(beam, judged);
     const int shadow = no_contact ? samples_ : shadow_start(beam, judged);
     std::uint8_t* reasons = result_.reasons.data() + at(beam, 0);
     const float* brightness = us_.brightness.data() + at(beam, 0);
@@ -304,6 +323,7 @@ class Exclusion {
   const std::uint8_t* known_;  // null if all brightness is known
   LargeVector<float> soft_;    // brightness after averaging of speckle; 0 where it is not known
   std::vector<int> wall_;
+  std::vector<std::uint8_t> air_;  // frames in air; empty if there are none
   // One entry per depth:
   DepthProfiles profiles_;             // of soft_; the usual grey value is the median
   std::vector<std::uint8_t> visible_;  // 0 where even the usual grey is dark, or outside_

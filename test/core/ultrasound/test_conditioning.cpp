@@ -170,6 +170,33 @@ TEST(Conditioning, ConstantAndDarkLinesHaveNoContact) {
   EXPECT_EQ(result.reasons[at(us.beams, 30, 5, 5)], 0);
 }
 
+/// A recording that begins before the probe touches: most of its frames show air.
+TEST(Conditioning, FramesInAirHaveNoContactHoweverManyThereAre) {
+  BeamUltrasound us = speckle(convex_beams());
+  constexpr int kInAir = 6;
+  for (int frame = 0; frame < kInAir; ++frame)
+    for (int line = 0; line < us.beams.lines; ++line)
+      for (int s = 0; s < 60; ++s)
+        us.brightness[at(us.beams, s, line, frame)] *= s < 6 ? 1.0F : 0.05F;
+  ConditioningOptions options;
+  options.depth.automatic = false;
+  options.depth.min_mm = 10.0;
+  const auto without_contact = [&] {
+    const ConditionedUltrasound result = condition(us, options);
+    int frames = 0;
+    for (int frame = 0; frame < us.beams.frames; ++frame) {
+      const int reasons = result.reasons[at(us.beams, 30, 5, frame)];
+      EXPECT_TRUE(reasons == 0 || reasons == kNoContact) << frame;
+      EXPECT_TRUE(frame >= kInAir || reasons == kNoContact || options.no_contact_share == 0.0);
+      frames += reasons != 0;
+    }
+    return frames;
+  };
+  EXPECT_EQ(without_contact(), kInAir);
+  options.no_contact_share = 0.0;
+  EXPECT_EQ(without_contact(), 0);
+}
+
 TEST(Conditioning, SaturatedSamplesAreLeftOut) {
   BeamUltrasound us = speckle(convex_beams());
   us.brightness[at(us.beams, 30, 5, 5)] = 255.0F;

@@ -1,0 +1,52 @@
+#include "ultrasound/frames_in_air.h"
+
+#include <algorithm>
+
+#include "parallel.h"
+
+namespace usct {
+namespace {
+
+constexpr double kAirShare = 0.2;
+constexpr double kBrightQuantile = 0.9;
+constexpr int kLineStep = 4;  // lines beside each other show the same
+
+/// Mean of the known samples beyond the first quarter of the depth; 0 if there is none.
+double brightness_of(const BeamUltrasound& us, int frame) {
+  const auto samples = static_cast<std::size_t>(us.beams.samples());
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (int line = 0; line < us.beams.lines; line += kLineStep) {
+    const std::size_t start = static_cast<std::size_t>(frame * us.beams.lines + line) * samples;
+    for (std::size_t i = start + samples / 4; i < start + samples; ++i) {
+      if (!us.known.empty() && us.known[i] == 0) continue;
+      sum += us.brightness[i];
+      ++count;
+    }
+  }
+  return count == 0 ? 0.0 : sum / static_cast<double>(count);
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> frames_in_air(const BeamUltrasound& ultrasound) {
+  std::vector<double> brightness(static_cast<std::size_t>(ultrasound.beams.frames));
+  parallel_for(ultrasound.beams.frames, [&](int frame) {
+    brightness[static_cast<std::size_t>(frame)] = brightness_of(ultrasound, frame);
+  });
+  std::vector<double> sorted = brightness;
+  const auto bright =
+      sorted.begin() +
+      static_cast<std::ptrdiff_t>(kBrightQuantile * static_cast<double>(sorted.size() - 1));
+  std::nth_element(sorted.begin(), bright, sorted.end());
+  std::vector<std::uint8_t> air;
+  if (*bright <= 0.0) return air;
+  for (std::size_t i = 0; i < brightness.size(); ++i) {
+    if (brightness[i] >= kAirShare * *bright) continue;
+    air.resize(brightness.size());
+    air[i] = 1;
+  }
+  return air;
+}
+
+}  // namespace usct
