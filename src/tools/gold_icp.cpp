@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,29 +30,48 @@ struct GoldIcpCommand {
   IcpOptions icp;
 };
 
-std::vector<Isometry3d> starts_of(const GoldIcpCommand& command, const Points& us,
-                                  const Points& ct) {
-  if (!command.initial.empty()) return {read_T_us_ct(command.initial)};
-  std::vector<Isometry3d> starts;
-  for (const SurfaceAlignment& one : surface_standard(us, ct).alignments)
-    starts.push_back(one.T_us_ct);
-  return starts;
-}
-
 double turn_rad(const IcpResult& a, const IcpResult& b) {
   return Eigen::AngleAxisd(a.T_us_ct.linear().transpose() * b.T_us_ct.linear()).angle();
 }
 
-/// The distance of the best result that is another one over that of the best; infinite if all
-/// starts led to the same.
-double distinction(const std::vector<IcpResult>& results) {
+/// The results that are others than those with a smaller distance, best first.
+std::vector<IcpResult> distinct(std::vector<IcpResult> results) {
   constexpr double kSameRad = 20.0 * kDegree;
+  std::sort(results.begin(), results.end(), [](const IcpResult& a, const IcpResult& b) {
+    return a.plane_distance_mm < b.plane_distance_mm;
+  });
+  std::vector<IcpResult> kept;
+  for (const IcpResult& result : results)
+    if (std::none_of(kept.begin(), kept.end(),
+                     [&](const IcpResult& better) { return turn_rad(better, result) <= kSameRad; }))
+      kept.push_back(result);
+  return kept;
+}
+
+/// ICP from the initial pose, or from all alignments of the principal axes. From some of these the
+/// surfaces may not overlap; it is an error if they do from none.
+std::vector<IcpResult> results_of(const GoldIcpCommand& command, const Points& us,
+                                  const Points& ct) {
+  if (!command.initial.empty()) return {icp(us, ct, read_T_us_ct(command.initial), command.icp)};
+  std::vector<IcpResult> results;
+  std::optional<InputError> last;
+  for (const Isometry3d& start : axis_alignments(us, ct)) {
+    try {
+      results.push_back(icp(us, ct, start, command.icp));
+    } catch (const InputError& error) {
+      last = error;
+    }
+  }
+  if (results.empty()) throw *last;
+  return distinct(std::move(results));
+}
+
+/// The distance of the second result over that of the best; infinite if all starts led to the same.
+double distinction(const std::vector<IcpResult>& results) {
   constexpr double kExactMm = 0.1;
-  for (const IcpResult& other : results)
-    if (turn_rad(results[0], other) > kSameRad)
-      return std::max(other.plane_distance_mm, kExactMm) /
-             std::max(results[0].plane_distance_mm, kExactMm);
-  return std::numeric_limits<double>::infinity();
+  if (results.size() < 2) return std::numeric_limits<double>::infinity();
+  return std::max(results[1].plane_distance_mm, kExactMm) /
+         std::max(results[0].plane_distance_mm, kExactMm);
 }
 
 void warn_of_motion(const IcpResult& best) {
@@ -68,12 +88,7 @@ void warn_of_motion(const IcpResult& best) {
 int run_gold_icp(const GoldIcpCommand& command) {
   const Points us = read_points_mm(command.us);
   const Points ct = read_points_mm(command.ct);
-  std::vector<IcpResult> results;
-  for (const Isometry3d& start : starts_of(command, us, ct))
-    results.push_back(icp(us, ct, start, command.icp));
-  std::sort(results.begin(), results.end(), [](const IcpResult& a, const IcpResult& b) {
-    return a.plane_distance_mm < b.plane_distance_mm;
-  });
+  const std::vector<IcpResult> results = results_of(command, us, ct);
   std::printf(
       "alignment | from the surface mm | from the points mm | pairs | iterations | turned\n");
   for (std::size_t i = 0; i < results.size(); ++i)
@@ -98,7 +113,7 @@ void add_gold_icp(CLI::App& gold, Run& run) {
   CLI::App* command = gold.add_subcommand(
       "icp",
       "Bronze standard from surfaces of which one image may show a part only (iterative closest "
-      "points), from an initial pose or from the four alignments of the principal axes.");
+      "points), from an initial pose or from the 24 alignments of the principal axes.");
   command
       ->add_option("US", options->us,
                    "CSV with the header x,y,z: points of the surface in the US frame, mm")

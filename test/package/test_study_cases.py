@@ -58,6 +58,15 @@ class StudyCases(unittest.TestCase):
         self.assertEqual(self.log.read_text(), first)
         self.assertFalse(list((self.folder / "transfer/cases").glob("*.part")))
 
+    def test_cases_of_other_seeds_are_not_taken_into_a_study(self):
+        self.assertEqual(self.make("transfer", SEEDS="7 8").returncode, 0)
+        before = self.log.read_text()
+        for seeds in ("7", ""):
+            done = self.make("transfer", SEEDS=seeds)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("has another seed than transfer", done.stderr)
+        self.assertEqual(self.log.read_text(), before)
+
     def test_what_is_missing_is_named(self):
         self.assertEqual(self.make("no_study").returncode, 2)
         done = self.make("transfer", USCT_GENERATOR="")

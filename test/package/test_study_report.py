@@ -102,6 +102,8 @@ class StudyReport(unittest.TestCase):
         self.assertAlmostEqual(bins[0][1], 50.0)
         self.assertAlmostEqual(bins[1][1], 200.0 / 3.0)
         self.assertEqual(study_report.success_by_bin([], [0.0, 10.0], 5.0), [(0, None)])
+        at_one_distance = [run(3.0, 9.99999999999962), run(3.0, 10.000000000000295)]
+        self.assertEqual(study_report.success_by_bin(at_one_distance, [10.0, 10.0], 5.0), [(2, 100.0)])
 
     def test_a_cdf_rises_by_the_share_of_each_run_and_refused_runs_never_come(self):
         errors_mm, percent = study_report.error_cdf([run(2.0), run(), run(0.5), run(30.0)])

@@ -59,6 +59,10 @@ struct GroupStatistics {
   double success_rate() const { return share_below.back(); }
 };
 
+/// The number of the bin [edge, next edge) in which a start lies; empty if it is in none. The ends
+/// of the range belong to it, and are meant within 1e-6 mm: a displacement is computed from a pose.
+std::optional<std::size_t> bin_of(double displacement_mm, const std::vector<double>& bin_edges_mm);
+
 /// Statistics of the runs of kind kStart, by group or by case, in the order of names.
 /// `bin_edges_mm` rise; starts outside are in no bin.
 std::vector<GroupStatistics> statistics_by_group(const std::vector<StudyRun>& runs,

@@ -39,4 +39,10 @@ struct SurfaceStandard {
 SurfaceStandard surface_standard(const std::vector<Eigen::Vector3d>& surface_us_mm,
                                  const std::vector<Eigen::Vector3d>& surface_ct_mm);
 
+/// The 24 poses T_us_ct that bring the centroids and the principal axes together, in any order and
+/// direction of the axes: those of a part of a surface have another order than those of the whole.
+/// Throws as `surface_standard`.
+std::vector<Eigen::Isometry3d> axis_alignments(const std::vector<Eigen::Vector3d>& surface_us_mm,
+                                               const std::vector<Eigen::Vector3d>& surface_ct_mm);
+
 }  // namespace usct

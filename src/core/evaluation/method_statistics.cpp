@@ -85,7 +85,9 @@ PairedTest paired_test(const std::vector<double>& differences) {
   std::vector<CaseValues> cases;
   for (const double difference : differences) cases.push_back({difference, 1});
   test.bootstrap = bootstrap_over_cases(cases);
-  if (!(spread.deviation > 0.0)) return test;
+  // Equal differences leave a deviation of rounding errors.
+  constexpr double kRounding = 1e-12;
+  if (!(spread.deviation > kRounding * std::abs(spread.mean))) return test;
   const auto count = static_cast<double>(test.cases);
   test.t = spread.mean / (spread.deviation / std::sqrt(count));
   const boost::math::students_t_distribution<> students_t(count - 1.0);

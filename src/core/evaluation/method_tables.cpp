@@ -77,12 +77,10 @@ Table table_by(const Study& study, const std::vector<StudyRun>& runs, const std:
   return table;
 }
 
-RunPointers within(const RunPointers& runs, double low_mm, double high_mm, bool last) {
+RunPointers in_bin(const RunPointers& runs, std::size_t bin, const std::vector<double>& edges_mm) {
   RunPointers chosen;
-  for (const StudyRun* run : runs) {
-    const double mm = run->trial.displacement_mm;
-    if (mm >= low_mm && (mm < high_mm || (last && mm == high_mm))) chosen.push_back(run);
-  }
+  for (const StudyRun* run : runs)
+    if (bin_of(run->trial.displacement_mm, edges_mm) == bin) chosen.push_back(run);
   return chosen;
 }
 
@@ -133,8 +131,7 @@ Table bins_table(const Study& study, const std::vector<StudyRun>& runs) {
     const RunPointers of_method = starts_of(method.name, runs);
     for (std::size_t i = 1; i < edges_mm.size(); ++i)
       add_statistics({method.name, range_name(edges_mm[i - 1], edges_mm[i])},
-                     within(of_method, edges_mm[i - 1], edges_mm[i], i + 1 == edges_mm.size()),
-                     study.success_mm, table);
+                     in_bin(of_method, i - 1, edges_mm), study.success_mm, table);
   }
   table.note = success_text(study);
   return table;

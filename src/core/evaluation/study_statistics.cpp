@@ -44,16 +44,6 @@ std::vector<DisplacementBin> empty_bins(const std::vector<double>& edges_mm) {
   return bins;
 }
 
-void count_in_bin(std::vector<DisplacementBin>& bins, double displacement_mm, bool succeeded) {
-  for (DisplacementBin& bin : bins) {
-    const bool at_end = &bin == &bins.back() && displacement_mm == bin.high_mm;
-    if (displacement_mm < bin.low_mm || !(displacement_mm < bin.high_mm || at_end)) continue;
-    ++bin.runs;
-    if (succeeded) ++bin.succeeded;
-    return;
-  }
-}
-
 GroupStatistics statistics_of(const std::string& name, const std::vector<const StudyRun*>& runs,
                               const std::vector<double>& bin_edges_mm) {
   GroupStatistics group;
@@ -72,7 +62,10 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
     }
     const bool succeeded = run->after && accepted_mm.back() < kSuccessMm;
     if (succeeded) succeeded_mm.push_back(accepted_mm.back());
-    count_in_bin(group.bins, run->trial.displacement_mm, succeeded);
+    if (const auto bin = bin_of(run->trial.displacement_mm, bin_edges_mm)) {
+      ++group.bins[*bin].runs;
+      if (succeeded) ++group.bins[*bin].succeeded;
+    }
   }
   for (std::size_t i = 0; i < GroupStatistics::kBelowMm.size(); ++i) {
     const auto below = std::count_if(accepted_mm.begin(), accepted_mm.end(), [&](double error_mm) {
@@ -129,6 +122,16 @@ CalibrationBin calibration_bin(double low_mm, double high_mm, const std::vector<
 }
 
 }  // namespace
+
+std::optional<std::size_t> bin_of(double displacement_mm, const std::vector<double>& bin_edges_mm) {
+  constexpr double kSameMm = 1e-6;
+  if (bin_edges_mm.size() < 2 || !(displacement_mm >= bin_edges_mm.front() - kSameMm) ||
+      !(displacement_mm <= bin_edges_mm.back() + kSameMm))
+    return std::nullopt;
+  std::size_t bin = 0;
+  while (bin + 2 < bin_edges_mm.size() && displacement_mm >= bin_edges_mm[bin + 1]) ++bin;
+  return bin;
+}
 
 Spread spread_of(std::vector<double> values) {
   Spread spread{values.size(), kNaN, kNaN, kNaN, kNaN, kNaN};

@@ -133,6 +133,9 @@ Table negatives_table(const std::vector<StudyRun>& runs) {
   table.header = {"negative trials", "runs",
                   "refused",         "accepted, right",
                   "accepted, wrong", "wrong: share, 95 % upper bound (%)"};
+  table.note =
+      "Bounds are for independent trials; those of one case are not, so that a bound over cases is "
+      "wider.";
   NegativeStatistics all;
   const auto refusals = [](const NegativeStatistics& kind) {
     std::size_t count = 0;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -79,6 +80,29 @@ SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surf
               return a.distance_mm < b.distance_mm;
             });
   return standard;
+}
+
+std::vector<Isometry3d> axis_alignments(const Points& surface_us_mm, const Points& surface_ct_mm) {
+  const registration::Spread us = checked_spread(surface_us_mm, "ultrasound surface");
+  const registration::Spread ct = checked_spread(surface_ct_mm, "CT surface");
+  const Matrix3d axes_us = axes_of(us);
+  const Matrix3d axes_ct = axes_of(ct);
+  std::vector<Isometry3d> alignments;
+  std::array<int, 3> order{0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Matrix3d axes;
+      for (int axis = 0; axis < 3; ++axis)
+        axes.col(axis) = axes_us.col(order[static_cast<std::size_t>(axis)]) *
+                         ((signs >> axis & 1) != 0 ? -1.0 : 1.0);
+      if (axes.determinant() < 0.0) continue;
+      Isometry3d T = Isometry3d::Identity();
+      T.linear() = axes * axes_ct.transpose();
+      T.translation() = us.centroid_mm - T.linear() * ct.centroid_mm;
+      alignments.push_back(T);
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  return alignments;
 }
 
 }  // namespace usct

@@ -55,12 +55,58 @@ double independent_pairs(const std::vector<double>& a, const std::vector<double>
   return static_cast<double>(a.size()) / std::max(1.0, spread);
 }
 
+/// Gaussian windows of three standard deviations around each of some times.
+class Windows {
+ public:
+  Windows(const std::vector<double>& times_s, double sigma_s) {
+    std::size_t begin = 0;
+    for (const double time_s : times_s) {
+      while (times_s[begin] < time_s - 3.0 * sigma_s) ++begin;
+      Window window{begin, {}};
+      for (std::size_t i = begin; i < times_s.size() && times_s[i] <= time_s + 3.0 * sigma_s; ++i)
+        window.weights.push_back(std::exp(-0.5 * std::pow((times_s[i] - time_s) / sigma_s, 2)));
+      windows_.push_back(std::move(window));
+    }
+  }
+
+  /// Subtracts from each value of both signals the mean of its window, over the times at which
+  /// `speed` is known.
+  void detrend(std::vector<double>& change, std::vector<double>& speed) const {
+    const std::vector<double> changes = change;
+    const std::vector<double> speeds = speed;
+    for (std::size_t i = 0; i < windows_.size(); ++i) {
+      if (std::isnan(speeds[i])) continue;
+      double weights = 0.0, of_change = 0.0, of_speed = 0.0;
+      std::size_t at = windows_[i].begin;
+      for (const double weight : windows_[i].weights) {
+        if (!std::isnan(speeds[at])) {
+          weights += weight;
+          of_change += weight * changes[at];
+          of_speed += weight * speeds[at];
+        }
+        ++at;
+      }
+      change[i] -= of_change / weights;
+      speed[i] -= of_speed / weights;
+    }
+  }
+
+ private:
+  struct Window {
+    std::size_t begin;
+    std::vector<double> weights;
+  };
+  std::vector<Window> windows_;
+};
+
 }  // namespace
 
 ShiftedSpeeds shift_speed(const Signal& change, const Signal& speed, double sigma_s) {
   ShiftedSpeeds shifted;
+  std::vector<double> smooth_change;
   for (const double time_s : change.times_s)
-    shifted.change.push_back(*detrended(change, time_s, sigma_s, kTrend_s));
+    smooth_change.push_back(*smoothed(change, time_s, sigma_s));
+  const Windows trend(change.times_s, std::max(kTrend_s, 3.0 * sigma_s));
   const double reach_s =
       std::min(kLargestLag_s, 0.5 * (speed.times_s.back() - speed.times_s.front()));
   const int steps = static_cast<int>(reach_s / kLagStep_s);
@@ -71,9 +117,11 @@ ShiftedSpeeds shift_speed(const Signal& change, const Signal& speed, double sigm
       const double pose_time_s = time_s - shifted.lags_s.back();
       const bool reached =
           pose_time_s >= speed.times_s.front() && pose_time_s <= speed.times_s.back();
-      const auto value = reached ? detrended(speed, pose_time_s, sigma_s, kTrend_s) : std::nullopt;
+      const auto value = reached ? smoothed(speed, pose_time_s, sigma_s) : std::nullopt;
       row.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
     }
+    shifted.change.push_back(smooth_change);
+    trend.detrend(shifted.change.back(), row);
     shifted.speed.push_back(std::move(row));
   }
   return shifted;
@@ -81,8 +129,8 @@ ShiftedSpeeds shift_speed(const Signal& change, const Signal& speed, double sigm
 
 std::vector<double> correlations(const ShiftedSpeeds& shifted, const std::vector<int>& weights) {
   std::vector<double> r;
-  for (const std::vector<double>& speed : shifted.speed)
-    r.push_back(correlation(shifted.change, speed, weights));
+  for (std::size_t i = 0; i < shifted.lags_s.size(); ++i)
+    r.push_back(correlation(shifted.change[i], shifted.speed[i], weights));
   return r;
 }
 
@@ -118,9 +166,9 @@ double next_peak(const std::vector<double>& r) {
 double significance_of(const ShiftedSpeeds& shifted, std::size_t top, double r) {
   std::vector<double> change;
   std::vector<double> speed;
-  for (std::size_t i = 0; i < shifted.change.size(); ++i) {
+  for (std::size_t i = 0; i < shifted.change[top].size(); ++i) {
     if (std::isnan(shifted.speed[top][i])) continue;
-    change.push_back(shifted.change[i]);
+    change.push_back(shifted.change[top][i]);
     speed.push_back(shifted.speed[top][i]);
   }
   // Fisher: atanh(r) has the variance 1 / (n - 3).
@@ -130,7 +178,7 @@ double significance_of(const ShiftedSpeeds& shifted, std::size_t top, double r) 
 
 std::vector<double> resampled_lags_s(const ShiftedSpeeds& shifted, std::size_t block) {
   std::mt19937_64 random(1);
-  const std::size_t pairs = shifted.change.size();
+  const std::size_t pairs = shifted.change.front().size();
   std::vector<double> lags;
   for (int k = 0; k < kResamples; ++k) {
     std::vector<int> weights(pairs, 0);

@@ -12,20 +12,22 @@ namespace usct {
 /// A correlation that could not be computed; less than every correlation.
 constexpr double kUnknownCorrelation = -2.0;
 
-/// The change of the images at each usable pair of frames and, for each assumed lag, the speed of
+/// For each assumed lag, the change of the images at each usable pair of frames and the speed of
 /// the probe at the time when the pair would have been acquired.
 struct ShiftedSpeeds {
   /// The assumed lags, in steps of 0.02 s around 0.
   std::vector<double> lags_s;
-  /// Change of the images, one value per pair.
-  std::vector<double> change;
+  /// Change of the images per lag and pair.
+  std::vector<std::vector<double>> change;
   /// Speed of the probe per lag and pair; NaN at times without poses.
   std::vector<std::vector<double>> speed;
 };
 
 /// Shifts the speed by up to 1.5 s, or half the time for which there are poses if that is less.
 /// Both signals are smoothed by `sigma_s` and lose their trend over 1 s, because the anatomy that
-/// the sweep passes changes the images as well, but slowly.
+/// the sweep passes changes the images as well, but slowly. The trend of both is that of the pairs
+/// that have a speed at that lag: near the ends of a sweep trends over different times would not
+/// fit each other, and draw the estimate towards 0.
 ShiftedSpeeds shift_speed(const Signal& change, const Signal& speed, double sigma_s);
 
 /// The correlation at each lag, over pairs with these integer weights; kUnknownCorrelation if fewer

@@ -46,11 +46,4 @@ std::optional<double> smoothed(const Signal& signal, double time_s, double sigma
   return sum / weights;
 }
 
-std::optional<double> detrended(const Signal& signal, double time_s, double sigma_s,
-                                double trend_s) {
-  const std::optional<double> value = smoothed(signal, time_s, sigma_s);
-  if (!value) return value;
-  return *value - *smoothed(signal, time_s, std::max(trend_s, 3.0 * sigma_s));
-}
-
 }  // namespace usct

@@ -41,9 +41,4 @@ void normalise(Signal& signal);
 /// where the window holds no value.
 std::optional<double> smoothed(const Signal& signal, double time_s, double sigma_s);
 
-/// The smoothed signal without its trend, which is the signal smoothed by `trend_s`, or by three
-/// times `sigma_s` if that is more.
-std::optional<double> detrended(const Signal& signal, double time_s, double sigma_s,
-                                double trend_s);
-
 }  // namespace usct

@@ -102,6 +102,19 @@ TEST(SurfaceStandard, TellsThatASymmetricSurfaceIsAmbiguous) {
   EXPECT_NEAR(standard.deviations_us_mm[0], 22.0 / std::sqrt(3.0), 0.3);
 }
 
+TEST(SurfaceStandard, AxesAreBroughtTogetherInEveryOrderAndDirection) {
+  const std::vector<Isometry3d> alignments =
+      axis_alignments(ellipsoid({55.0, 30.0, 22.0}, 800), ellipsoid({55.0, 30.0, 22.0}, 800));
+  ASSERT_EQ(alignments.size(), 24U);
+  for (std::size_t i = 0; i < alignments.size(); ++i) {
+    const Eigen::Matrix3d R = alignments[i].linear();
+    EXPECT_NEAR(R.determinant(), 1.0, 1e-9);
+    EXPECT_NEAR(R.cwiseAbs().sum(), 3.0, 0.1);  // an axis of the one on each axis of the other
+    for (std::size_t j = 0; j < i; ++j)
+      EXPECT_GT((R - alignments[j].linear()).norm(), 1.0) << i << " " << j;
+  }
+}
+
 TEST(GoldStandards, BadPointsAreNamed) {
   expect_input_error([] { fiducial_standard(kFiducialsCt, Points(4)); }, {"landmarks", "5 target"});
   expect_input_error(

@@ -52,6 +52,7 @@ TEST(PairedTest, TellsOnlyWhatItsValuesAllow) {
   EXPECT_TRUE(std::isnan(paired_test({2.0}).p));
   EXPECT_TRUE(std::isnan(paired_test({2.0}).bootstrap.low));
   EXPECT_TRUE(std::isnan(paired_test({1.5, 1.5}).t));
+  EXPECT_TRUE(std::isnan(paired_test({-0.1, -0.1, -0.1}).p));  // whose mean is rounded
   EXPECT_EQ(paired_test({1.5, 1.5}).bootstrap.high, 1.5);
 }
 

@@ -58,6 +58,20 @@ RC_GTEST_PROP(Spearman, DependsOnOrderAlone, ()) {
   RC_ASSERT(std::abs(r - spearman_correlation(a, exp_b)) < 1e-12);
 }
 
+TEST(Bins, BelongToTheirRangeWithBothEnds) {
+  const std::vector<double> edges_mm{5.0, 10.0, 20.0};
+  EXPECT_EQ(bin_of(5.0, edges_mm), 0U);
+  EXPECT_EQ(bin_of(5.0 - 4e-13, edges_mm), 0U);
+  EXPECT_EQ(bin_of(10.0, edges_mm), 1U);
+  EXPECT_EQ(bin_of(20.0 + 3e-13, edges_mm), 1U);
+  EXPECT_EQ(bin_of(4.9, edges_mm), std::nullopt);
+  EXPECT_EQ(bin_of(20.1, edges_mm), std::nullopt);
+  EXPECT_EQ(bin_of(std::nan(""), edges_mm), std::nullopt);
+  // All starts at one distance, which is computed from their poses.
+  EXPECT_EQ(bin_of(10.0 + 3e-13, {10.0, 10.0}), 0U);
+  EXPECT_EQ(bin_of(10.0, {}), std::nullopt);
+}
+
 TEST(GroupStatistics, AreThoseOfAHandComputedExample) {
   const std::vector<StudyRun> runs{
       run_with_error("b", 1.0, 3.0, 2.0),    run_with_error("a", 9.0, 5.0),

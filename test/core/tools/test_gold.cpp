@@ -91,6 +91,19 @@ TEST_F(Gold, IcpAlignsAPartOfASurface) {
   EXPECT_NE(far.errors.find("do not overlap"), std::string::npos) << far.errors;
 }
 
+/// Of half a kidney another axis is the longest.
+TEST_F(Gold, IcpFindsAPartWhoseAxesHaveAnotherOrder) {
+  const Points ct = bumpy_ellipsoid(1500);
+  const Vector3d shift(20, -10, 80);
+  Points part;
+  for (const Vector3d& p : ct)
+    if (p.x() < 0.0) part.push_back(p + shift);
+  const Outcome outcome = run_usct(
+      {"gold", "icp", points("us.csv", part), points("ct.csv", ct), "--output", path("gold.tfm")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  EXPECT_LT((read_T_us_ct(path("gold.tfm")) * ct[0] - ct[0] - shift).norm(), 0.1);
+}
+
 /// Balls of 2 mm whose centres are centres of voxels, where their voxels are symmetric.
 TEST_F(Gold, BallsOfACtAreWrittenAsPoints) {
   Grid grid;

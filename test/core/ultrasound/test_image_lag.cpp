@@ -81,6 +81,38 @@ TEST(EstimateLag, FindsAKnownLagEitherWay) {
   }
 }
 
+/// Position at a speed of 15 mm/s with eight random waves, slow ones among them.
+std::function<double(double)> another_hand_mm(unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  std::vector<std::pair<double, double>> waves;
+  for (int i = 0; i < 8; ++i)
+    waves.emplace_back(0.3 + 3.5 * uniform(random), 2.0 * kPi * uniform(random));
+  return [waves](double t) {
+    double along_mm = 15.0 * t;
+    for (const auto& [frequency, phase] : waves)
+      along_mm += 15.0 * 0.17 / frequency * std::sin(frequency * t + phase);
+    return along_mm;
+  };
+}
+
+/// A bias stays however many sweeps are averaged.
+TEST(EstimateLag, IsNotDrawnTowardsZero) {
+  double sum_s = 0.0;
+  int determined = 0;
+  for (unsigned seed = 0; seed < 30; ++seed) {
+    SweepCase how;
+    how.lag_s = 1.0;
+    how.along_mm = another_hand_mm(seed);
+    const LagEstimate estimate = estimate_lag(sweep_of(how, seed));
+    if (!estimate.determined) continue;
+    ++determined;
+    sum_s += estimate.lag_s - how.lag_s;
+  }
+  EXPECT_GE(determined, 15);
+  EXPECT_NEAR(sum_s / determined, 0.0, 0.008);
+}
+
 TEST(EstimateLag, RepeatedImagesAndSparseFramesDoNotShiftIt) {
   SweepCase how;
   how.lag_s = 0.4;
