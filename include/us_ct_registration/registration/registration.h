@@ -32,7 +32,8 @@ struct RegistrationHooks {
 /// Data that cannot be registered (no overlap, ultrasound without samples that count or vary, no
 /// evaluation allowed, a pose that is not finite) give a status and a message, not an error. Throws
 /// InputError for invalid options, a CT or beams that are malformed or of another kind than the
-/// options are for, and an initial pose that is not rigid.
+/// options are for, a tracked sweep whose field of view jumps by more than 200 mm from one frame to
+/// the next, and an initial pose that is not rigid.
 ///
 /// A caller that registers one CT many times can prepare it once, and pass the PreparedCt here. The
 /// result has the same bits for the same input, options and seed, with any number of threads.

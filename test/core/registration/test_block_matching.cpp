@@ -137,6 +137,26 @@ TEST(BlockMatching, CoversTheRegionsOfThePresetsAndAllOrientations) {
   EXPECT_FALSE(BlockMatching::covers({StartRegion::kBox, 512, 0.4, 100.0}));
 }
 
+/// Frames that drift away step by step, each of which is small enough to be believed.
+TEST(BlockMatching, LeavesOutAFieldThatTakesTooManyCells) {
+  const RegistrationCase& images = patient_case();
+  Matched matched(images, images.T_us_ct_true);
+  ImagePyramid pyramid = matched.images();
+  EXPECT_TRUE(BlockMatching::covers(*pyramid.prepared.us));
+  EXPECT_NE(registration::block_search(matched.input(), pyramid), nullptr);
+  for (const double step_mm : {100.0, 1e5}) {
+    auto drifting = std::make_shared<BeamUltrasound>(*pyramid.prepared.us);
+    BeamGrid& beams = drifting->beams;
+    for (int frame = 0; frame < beams.frames; ++frame)
+      for (int line = 0; line < beams.lines; ++line)
+        beams.beams[static_cast<std::size_t>(frame * beams.lines + line)].origin_mm.x() +=
+            step_mm * frame;
+    EXPECT_FALSE(BlockMatching::covers(*drifting));
+    pyramid.prepared.us = drifting;
+    EXPECT_EQ(registration::block_search(matched.input(), pyramid), nullptr);
+  }
+}
+
 /// Beams along z, 1 mm apart, with a brightness of 7 where `varies` is false.
 BeamUltrasound cube(int edge, bool varies) {
   BeamUltrasound us;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "registration/images/ct_averages.h"
+#include "ultrasound/probe_path.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
 #include "us_ct_registration/ultrasound/decimation.h"
@@ -135,6 +136,7 @@ void require_valid(const BeamUltrasound& ultrasound, const CtVolume& ct,
   ultrasound.validate();
   options.validate();
   ultrasound.beams.validate();
+  require_no_jump(ultrasound.beams, "ultrasound");
   ct.validate("CT");
   if (options.beams == BeamKind::kParallel && !are_parallel(ultrasound.beams))
     throw InputError("ultrasound",

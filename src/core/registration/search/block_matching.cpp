@@ -26,6 +26,10 @@ constexpr double kLeastFilled = 0.6;
 /// A larger field has larger cells, so that it has no more blocks than this.
 constexpr double kMostInField = 1000.0;
 
+/// The diagonal of the largest field that is matched: 2^24 of the smallest cells fill a cube of
+/// that edge, in which the field may be turned.
+constexpr double kMostFieldMm = 256.0 * kCellMm;
+
 /// Blocks are compared at orientations that lie so far from each other at most, and summed at
 /// rotations in between that lie so far from each other at most. A block that is turned by half the
 /// way to the next orientation lies a cell beside the CT at its corners.
@@ -147,6 +151,8 @@ bool BlockMatching::covers(const StartOptions& region) {
   return region.translation_mm <= kMostMm &&
          (parts_of_box(region) || region.region == StartRegion::kBall);
 }
+
+bool BlockMatching::covers(const BeamUltrasound& us) { return diagonal_mm(us) <= kMostFieldMm; }
 
 std::vector<Candidate> BlockMatching::poses(const Isometry3d& T_us_ct_initial,
                                             const Isometry3d& mirror, const FieldPoints& field,

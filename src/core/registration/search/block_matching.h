@@ -23,12 +23,16 @@ namespace usct::registration {
 class BlockMatching {
  public:
   /// Conditioned ultrasound, `known` at the samples that count, not much farther apart than 2 mm;
-  /// a CT at a spacing of about 2 mm; a region of poses around an initial one that it `covers`.
+  /// a CT at a spacing of about 2 mm; a region of poses around an initial one. It must cover both
+  /// the ultrasound and the region.
   BlockMatching(std::shared_ptr<const BeamUltrasound> us, std::shared_ptr<const PackedCt> ct,
                 const StartOptions& region);
 
   /// Whether blocks are matched in such a region.
   static bool covers(const StartOptions& region);
+  /// Whether the field of view is small enough for a lattice of cells around all of it. A wrong
+  /// pose of the tracker takes a frame metres away.
+  static bool covers(const BeamUltrasound& us);
 
   /// Poses in the region around the initial pose, best first, `most` at most; those closer than
   /// `distinct_mm` count as one. A ball is searched as the box around it, unless it reaches turns

@@ -45,7 +45,9 @@ BlockSearch::BlockSearch(const RegistrationInput& input, const ImagePyramid& ima
 std::unique_ptr<const BlockSearch> block_search(const RegistrationInput& input,
                                                 const ImagePyramid& images) {
   const SearchOptions& search = input.options.search;
-  if (!search.starts || !BlockMatching::covers(*search.starts)) return nullptr;
+  if (!search.starts || !BlockMatching::covers(*search.starts) ||
+      !BlockMatching::covers(*images.prepared.us))
+    return nullptr;
   for (const LevelOptions& level : search.levels)
     if (needs_of(level.similarity).recorded_ct) return nullptr;
   std::shared_ptr<const Similarity> similarity =

@@ -29,8 +29,9 @@ class BlockSearch {
   const SearchProblem problem_;
 };
 
-/// Null where the search has no starts or a larger region than blocks are matched in, where its
-/// similarities need no packed CT, and where no patch of the ultrasound has structure.
+/// Null where the search has no starts, where its region or the field of view is larger than blocks
+/// are matched in, where its similarities need no packed CT, and where no patch of the ultrasound
+/// has structure.
 std::unique_ptr<const BlockSearch> block_search(const RegistrationInput& input,
                                                 const ImagePyramid& images);
 

@@ -82,6 +82,11 @@ std::optional<BlockUltrasound> normalised(const std::array<float, kBlockCells>& 
 
 }  // namespace
 
+double diagonal_mm(const BeamUltrasound& us) {
+  const Eigen::AlignedBox3d box = box_of(us, Eigen::Affine3d::Identity());
+  return box.isEmpty() ? 0.0 : box.diagonal().norm();
+}
+
 UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror,
                                  double edge_mm)
     : edge_mm_(edge_mm) {
@@ -92,7 +97,7 @@ UltrasoundCells::UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry
   origin_us_mm_ = box.min() - Vector3d::Constant(kMarginMm);
   const Vector3d extent_mm = box.max() - origin_us_mm_ + Vector3d::Constant(kMarginMm);
   size_ = (extent_mm / edge_mm_).cast<int>() + Vector3i::Ones();
-  cells_.resize(static_cast<std::size_t>(size_.prod()));
+  cells_.resize(size_.cast<std::size_t>().prod());
   const Eigen::Affine3d T_cells_us =
       Eigen::Scaling(1.0 / edge_mm_) *
       (Eigen::Translation3d(-origin_us_mm_) * Eigen::Affine3d(mirror));

@@ -17,12 +17,17 @@ struct UltrasoundBlock {
   BlockUltrasound ultrasound;
 };
 
+/// The diagonal of the box along the axes of the US frame around all samples that count, mm; 0 if
+/// none does.
+double diagonal_mm(const BeamUltrasound& us);
+
 /// Ultrasound averaged in the cells of a lattice along the axes of the US frame, and cut into
 /// blocks.
 class UltrasoundCells {
  public:
   /// Samples count where `known`. They lie where `mirror` moves them (see mirror_of). No cell
-  /// between samples is known whose edge is shorter than the distance between them.
+  /// between samples is known whose edge is shorter than the distance between them. Memory is taken
+  /// for all cells of the box around the samples, so that its diagonal must be limited.
   UltrasoundCells(const BeamUltrasound& us, const Eigen::Isometry3d& mirror, double edge_mm);
 
   double edge_mm() const { return edge_mm_; }
