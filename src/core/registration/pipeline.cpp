@@ -4,6 +4,7 @@
 #include "registration/sweep_correction.h"
 #include "registration/verdict.h"
 #include "similarity/sweep_motion.h"
+#include "ultrasound/resting_frames.h"
 
 namespace usct::registration {
 namespace {
@@ -43,7 +44,9 @@ Outcome<Registration> registered(const RegistrationInput& input, const Lead* lea
 Outcome<Registration> registered_without(const AcquisitionErrors& errors,
                                          const RegistrationInput& input, const Lead* lead,
                                          Run& run) {
-  const BeamUltrasound& recorded = input.ultrasound;
+  // Frames at rest would stay behind when the sweep is stretched.
+  const std::optional<BeamUltrasound> moving = without_resting_frames(input.ultrasound);
+  const BeamUltrasound& recorded = moving ? *moving : input.ultrasound;
   const BeamUltrasound corrected{with_sweep(recorded.beams, errors), recorded.brightness,
                                  recorded.known};
   return registered({corrected, input.ct, input.T_us_ct_initial, input.options}, lead, run);

@@ -5,6 +5,7 @@
 
 #include "registration/images/ct_averages.h"
 #include "ultrasound/probe_path.h"
+#include "ultrasound/resting_frames.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
 #include "us_ct_registration/ultrasound/decimation.h"
@@ -218,20 +219,23 @@ std::vector<LevelSimilarities> ImagePyramid::similarities() const {
 }
 
 Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {
-  const auto& [ultrasound, ct, T_us_ct_initial, options] = input;
-  require_valid(ultrasound, ct.ct(), T_us_ct_initial, options);
+  const auto& [recorded, ct, T_us_ct_initial, options] = input;
+  require_valid(recorded, ct.ct(), T_us_ct_initial, options);
   if (std::optional<Refusal> refusal = hopeless(T_us_ct_initial, options)) return *refusal;
-  PreparedUltrasound prepared =
-      run.timed("ultrasound", [&] { return prepare_ultrasound(ultrasound, options, run.check()); });
+  std::optional<BeamUltrasound> moving;
+  PreparedUltrasound prepared = run.timed("ultrasound", [&] {
+    moving = without_resting_frames(recorded);
+    return prepare_ultrasound(moving ? *moving : recorded, options, run.check());
+  });
+  const BeamGrid& beams = moving ? moving->beams : recorded.beams;
   if (prepared.field.us_mm().size() < kLeastPoints)
     return Refusal{RegistrationStatus::kFailed,
                    "nothing in the ultrasound counts: it is constant, or all of it is masked"};
   run.report(0.1);
 
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
-    ImagePyramid pyramid{std::move(prepared),
-                         ct_in_reach(ct.ct(), ultrasound.beams, T_us_ct_initial, options.search),
-                         {}};
+    ImagePyramid pyramid{
+        std::move(prepared), ct_in_reach(ct.ct(), beams, T_us_ct_initial, options.search), {}};
     if (pyramid.in_reach.region.size.minCoeff() < kLeastVoxels)
       return Refusal{RegistrationStatus::kNoOverlap,
                      "the CT lies nowhere near the ultrasound at the initial pose"};

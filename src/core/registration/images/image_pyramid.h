@@ -59,10 +59,10 @@ struct ImagePyramid {
   std::vector<LevelSimilarities> similarities() const;
 };
 
-/// The first step of a registration. Refuses ultrasound without samples that count or vary, a CT
-/// that is nowhere near it, an initial pose that is not finite, and options that allow no
-/// evaluation. Throws InputError for images and options that are malformed, and for an initial pose
-/// that is not rigid.
+/// The first step of a registration. Frames of a tracked probe at rest count as one. Refuses
+/// ultrasound without samples that count or vary, a CT that is nowhere near it, an initial pose
+/// that is not finite, and options that allow no evaluation. Throws InputError for images and
+/// options that are malformed, and for an initial pose that is not rigid.
 Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run);
 
 /// The level of the refinement, on the CT around a pose. It uses the images of the deciding level
