@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "parallel.h"
+#include "ultrasound/moving_place.h"
 
 namespace usct {
 namespace {
@@ -21,15 +22,17 @@ Vector3i patch_size(const BeamGrid& beams, const PatchOptions& options) {
     if (!(step_mm > 0.0)) return available;
     return static_cast<int>(std::clamp(std::round(edge_mm / step_mm), 1.0, double(available)));
   };
-  const auto distance = [&](int f_a, int l_a, int f_b, int l_b) {
-    return (beams.point(f_a, l_a, middle) - beams.point(f_b, l_b, middle)).norm();
+  const auto distance = [&](int f_a, int l_a, int f_b, int l_b, double sample) {
+    return (beams.point(f_a, l_a, sample) - beams.point(f_b, l_b, sample)).norm();
   };
   const int f = beams.frames / 2;
-  const int l = beams.lines / 2;
   double line_mm = 0.0;
-  for (int i = 1; i < beams.lines; ++i) line_mm += distance(f, i - 1, f, i) / (beams.lines - 1);
+  for (int i = 1; i < beams.lines; ++i)
+    line_mm += distance(f, i - 1, f, i, middle) / (beams.lines - 1);
+  const auto [l, sample] = moving_place(beams);
   double frame_mm = 0.0;
-  for (int i = 1; i < beams.frames; ++i) frame_mm += distance(i - 1, l, i, l) / (beams.frames - 1);
+  for (int i = 1; i < beams.frames; ++i)
+    frame_mm += distance(i - 1, l, i, l, sample) / (beams.frames - 1);
   return {steps(options.depth_mm, beams.axial.spacing_mm, beams.samples()),
           steps(options.lateral_mm, line_mm, beams.lines),
           steps(options.elevation_mm, frame_mm, beams.frames)};

@@ -5,6 +5,7 @@
 
 #include "parallel.h"
 #include "require.h"
+#include "ultrasound/moving_place.h"
 
 namespace usct {
 namespace {
@@ -107,8 +108,9 @@ Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm) {
   const double middle = 0.5 * (beams.samples() - 1);
   const double line_mm = mean_step_mm(
       beams.lines, [&](int line) { return beams.point(beams.frames / 2, line, middle); });
+  const MeasuredPlace place = moving_place(beams);
   const double frame_mm = mean_step_mm(
-      beams.frames, [&](int frame) { return beams.point(frame, beams.lines / 2, middle); });
+      beams.frames, [&](int frame) { return beams.point(frame, place.line, place.sample); });
   return {blocks_of(beams.axial.spacing_mm, spacing_mm, beams.samples()),
           blocks_of(line_mm, spacing_mm, beams.lines),
           blocks_of(frame_mm, spacing_mm, beams.frames)};

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "parallel.h"
+#include "ultrasound/moving_place.h"
 #include "volume/combine_rows.h"
 
 namespace usct {
@@ -70,8 +71,9 @@ GaussianSums::GaussianSums(const BeamGrid& beams, double sigma_mm) : sigma_mm_(s
   const auto on_line = [&](int line, double sample) {
     return beams.point(beams.frames / 2, line, sample);
   };
+  const int moving_line = moving_place(beams).line;
   const auto on_frame = [&](int frame, double sample) {
-    return beams.point(frame, beams.lines / 2, sample);
+    return beams.point(frame, moving_line, sample);
   };
   const auto blocks = [&](int count, const auto& point_at) {
     const auto widest_at = [&](int sample) {

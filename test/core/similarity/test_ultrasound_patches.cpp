@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/similarity/patch_scenes.h"
+#include "core/ultrasound/turning_sweeps.h"
 #include "similarity/sweep_motion.h"
 #include "us_ct_registration/error.h"
 #include "with_threads.h"
@@ -358,6 +359,25 @@ TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
     const UltrasoundPatches us = cut_into_patches(resting, cubes(4.0));
     for (const float motion : us.sweep_z) EXPECT_EQ(motion, 0.0F);
     EXPECT_LT(distance_mm(with_sweep(resting.beams, {0.0, 0.1, 0.1}), resting.beams), 1e-9);
+  }
+}
+
+/// The middle line of 90 frames stays where it is; patches of all of them would mix what lies at
+/// all angles. Frames lie 0.28 mm apart halfway to the sides.
+TEST(UltrasoundPatches, OfASweepThatTurnsAboutItsMiddleLineHaveFramesThatLieTogether) {
+  const BeamUltrasound us = noisy_ultrasound(turning_sweep(12, 31, 90, 0.035));
+  const UltrasoundPatches patches = cut_into_patches(us, cubes(8.0));
+  const auto places = places_of(us.beams);
+  for (const UltrasoundPatches::Patch& patch : patches.patches) {
+    int first = us.beams.frames;
+    int last = 0;
+    for (const std::size_t place : places_of(patches, patch)) {
+      const auto at = places.find(position_at(patches, place));
+      if (at == places.end() || at->second.y() == us.beams.lines / 2) continue;
+      first = std::min(first, at->second.z());
+      last = std::max(last, at->second.z());
+    }
+    EXPECT_LT(last - first, 29);
   }
 }
 
