@@ -1,7 +1,9 @@
 #include "ultrasound/resting_frames.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <vector>
 
 #include "parallel.h"
@@ -82,6 +84,20 @@ std::optional<BeamUltrasound> without_resting_frames(const BeamUltrasound& in) {
   parallel_for(groups,
                [&](int group) { average_samples(in, begin(group), begin(group + 1), group, out); });
   return out;
+}
+
+int moving_frames(const BeamGrid& beams) {
+  if (!beams.tracked) return beams.frames;
+  const std::vector<int> first = groups_of(beams);
+  std::vector<int> sizes;
+  for (std::size_t group = 1; group < first.size(); ++group)
+    sizes.push_back(first[group] - first[group - 1]);
+  const auto groups = static_cast<double>(sizes.size());
+  std::sort(sizes.begin(), sizes.end());
+  const int most = 2 * sizes[sizes.size() / 2];
+  sizes.erase(std::upper_bound(sizes.begin(), sizes.end(), most), sizes.end());
+  const double moving = std::accumulate(sizes.begin(), sizes.end(), 0.0);
+  return static_cast<int>(std::lround(groups * moving / static_cast<double>(sizes.size())));
 }
 
 }  // namespace usct

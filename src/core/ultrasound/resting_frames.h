@@ -17,8 +17,13 @@ constexpr double kRestMm = 0.5;
 ///
 /// Each beam is the mean beam of its group, and each sample the mean of its known samples; it is
 /// unknown if less than half of them are known. Frames that rest with no other keep their bits.
-/// Nothing is returned if no frames rest together, or the sweep is that of a motor, whose angles
-/// are stepped. The ultrasound must be valid.
+/// Nothing is returned if no frames rest together, or the sweep is that of a motor. The ultrasound
+/// must be valid.
 std::optional<BeamUltrasound> without_resting_frames(const BeamUltrasound& ultrasound);
+
+/// The number of frames that a tracked sweep would have if the probe had never rested, but moved at
+/// the pace of its other frames. Groups of frames that are averaged count as rest if they have more
+/// than twice as many frames as the median. All frames of a motor's sweep.
+int moving_frames(const BeamGrid& beams);
 
 }  // namespace usct

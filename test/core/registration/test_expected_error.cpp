@@ -90,6 +90,40 @@ TEST(ExpectedError, OfALagIsAlongATrackedSweepAlone) {
   EXPECT_EQ(expected_mm({same}, options, straight_tracked(40, 9, 1, 2.0)), 0.0);
 }
 
+/// A probe that rests before it moves has the lag of its frames that move.
+TEST(ExpectedError, OfALagIsThatOfFramesThatMove) {
+  ErrorOptions options = halves_alone();
+  options.lag_frames = 1.5;
+  BeamGrid beams = straight_tracked(40, 9, 7, 2.0);
+  const std::vector<Beam> first(beams.beams.begin(), beams.beams.begin() + beams.lines);
+  for (int i = 0; i < 100; ++i, ++beams.frames)
+    beams.beams.insert(beams.beams.begin(), first.begin(), first.end());
+  const Matrix6d covariance =
+      pose_covariance({{kHere, kHere, kHere, kHere}}, beams, kCentre, options);
+  EXPECT_NEAR(std::sqrt(covariance(5, 5)), 3.0, 1e-9);
+}
+
+/// Frames in air before and after a sweep are no part of its path.
+TEST(ExpectedError, IsThatOfTheRecordedFramesThatCount) {
+  const auto conditioned = [](BeamGrid beams, int air_before, int air_after) {
+    const auto per_frame = static_cast<std::size_t>(beams.lines) * 40;
+    BeamUltrasound us{std::move(beams), {}, {}};
+    us.known.assign(us.beams.beams.size() * 40, 1);
+    std::fill_n(us.known.begin(), static_cast<std::size_t>(air_before) * per_frame, 0);
+    std::fill_n(us.known.rbegin(), static_cast<std::size_t>(air_after) * per_frame, 0);
+    return us;
+  };
+  const BeamGrid beams = straight_tracked(40, 9, 24, 1.0);
+  const BeamGrid counting =
+      registration::frames_that_count(beams, conditioned(straight_tracked(40, 9, 8, 3.0), 2, 1));
+  ASSERT_EQ(counting.frames, 13);  // from the middle of the third block of three to that of the 7th
+  EXPECT_EQ(counting.beams.front().origin_mm, beams.beam(7, 0).origin_mm);
+  EXPECT_EQ(counting.beams.back().origin_mm, beams.beam(19, 8).origin_mm);
+  EXPECT_EQ(registration::frames_that_count(beams, conditioned(beams, 0, 0)).frames, 24);
+  EXPECT_EQ(registration::frames_that_count(beams, conditioned(beams, 24, 0)).frames, 1);
+  EXPECT_EQ(registration::frames_that_count(motorised(), conditioned(motorised(), 2, 2)).frames, 7);
+}
+
 /// Of 7 frames, 2 mm apart, the three on one side of the middle lie too far away by 16 %. The shift
 /// that brings all of them closest to their places is the mean of 0.96, 0.64, 0.32 and four zeros;
 /// half of a side times 8 % is its limit for many frames.

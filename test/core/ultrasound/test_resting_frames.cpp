@@ -81,6 +81,19 @@ TEST(RestingFrames, ASampleIsKnownWhereHalfOfThemKnowIt) {
   EXPECT_EQ(moving->brightness, (std::vector<float>{3, 6, 0, 4}));
 }
 
+TEST(RestingFrames, AreNoneOfThoseThatMove) {
+  EXPECT_EQ(moving_frames(symmetric_motorised(9, 6, 12, 0.02, 1e-4)), 12);
+  for (const double step_mm : {0.11, 0.2, 0.6}) {  // 5 frames, 3 and one within 0.5 mm
+    const BeamUltrasound us = patterned(straight_tracked(9, 6, 31, step_mm));
+    EXPECT_EQ(moving_frames(us.beams), 31);
+    std::vector<int> frames(200, 0);
+    for (int frame = 0; frame < us.beams.frames; ++frame) frames.push_back(frame);
+    const BeamUltrasound rested = recorded_as(us, frames, std::vector<double>(frames.size(), 0.0));
+    EXPECT_NEAR(moving_frames(rested.beams), 31, 5) << step_mm;
+  }
+  EXPECT_EQ(moving_frames(straight_tracked(9, 6, 12, 0.0)), 12);
+}
+
 /// A probe that turns about its middle line moves by its first and last lines.
 TEST(RestingFrames, AProbeThatTurnsDoesNotRest) {
   BeamGrid beams = straight_tracked(9, 41, 30, 0.0);

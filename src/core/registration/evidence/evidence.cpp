@@ -220,9 +220,9 @@ void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretc
   // The estimate of the depths is biased, so that it must show clearly; that of the sweep is not.
   if (!is_stretched) shown.depth = shown_errors(measures).errors.depth;
   shown.sweep = measures.sweep_error.value_or(0.0);
-  result.covariance =
-      pose_covariance(halves, in_.ultrasound.beams, field().centre_us_mm(), error, shown) +
-      shift_covariance(measures.deformation_mm.value_or(0.0));
+  const BeamGrid recorded = frames_that_count(in_.ultrasound.beams, *in_.images.prepared.us);
+  result.covariance = pose_covariance(halves, recorded, field().centre_us_mm(), error, shown) +
+                      shift_covariance(measures.deformation_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
   measures.expected_error_mm = expected_mm;

@@ -2,6 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
+#include <utility>
+
+#include "ultrasound/resting_frames.h"
 
 namespace usct::registration {
 namespace {
@@ -34,6 +39,30 @@ Vector3d middle_of_frame(const BeamGrid& beams, int frame) {
   return beams.point(frame, beams.lines / 2, 0.5 * (beams.samples() - 1));
 }
 
+bool has_samples_that_count(const BeamUltrasound& us, int frame) {
+  const auto per_frame = static_cast<std::ptrdiff_t>(us.beams.lines) * us.beams.samples();
+  const auto first = us.known.begin() + frame * per_frame;
+  return std::any_of(first, first + per_frame, [](std::uint8_t known) { return known != 0; });
+}
+
+/// The frame of `grid` whose first and last lines lie nearest to those of a frame of another grid.
+int nearest_frame(const BeamGrid& grid, const BeamGrid& other, int frame) {
+  const auto ends = [](const BeamGrid& beams, int f) {
+    const double middle = 0.5 * (beams.samples() - 1);
+    return std::make_pair(beams.point(f, 0, middle), beams.point(f, beams.lines - 1, middle));
+  };
+  const auto [first, last] = ends(other, frame);
+  int nearest = 0;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (int f = 0; f < grid.frames; ++f) {
+    const auto [a, b] = ends(grid, f);
+    const double mm = (a - first).norm() + (b - last).norm();
+    if (mm < least_mm) nearest = f;
+    least_mm = std::min(least_mm, mm);
+  }
+  return nearest;
+}
+
 double depth_of(const Vector3d& point_us_mm, const BeamGrid& beams, const Vector3d& axial) {
   Vector3d origin = Vector3d::Zero();
   for (const Beam& beam : beams.beams)
@@ -42,6 +71,26 @@ double depth_of(const Vector3d& point_us_mm, const BeamGrid& beams, const Vector
 }
 
 }  // namespace
+
+BeamGrid frames_that_count(const BeamGrid& recorded, const BeamUltrasound& conditioned) {
+  if (!recorded.tracked) return recorded;
+  const int frames = conditioned.beams.frames;
+  int first = 0;
+  int last = frames - 1;
+  while (first < last && !has_samples_that_count(conditioned, first)) ++first;
+  while (last > first && !has_samples_that_count(conditioned, last)) --last;
+  const int begin = first == 0 ? 0 : nearest_frame(recorded, conditioned.beams, first);
+  const int end =
+      last == frames - 1 ? recorded.frames : nearest_frame(recorded, conditioned.beams, last) + 1;
+  if (begin >= end) return recorded;  // the probe came back
+  BeamGrid counting = recorded;
+  counting.frames = end - begin;
+  const auto beam = [&](int frame) {
+    return recorded.beams.begin() + static_cast<std::ptrdiff_t>(frame) * recorded.lines;
+  };
+  counting.beams.assign(beam(begin), beam(end));
+  return counting;
+}
 
 Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves,
                                             const BeamGrid& recorded, const Vector3d& centre_us_mm,
@@ -65,8 +114,9 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
   const double sweep_share =
       recorded.corrected_sweep ? std::max(options.sweep_share, std::abs(shown.sweep)) : shown.sweep;
   add(shift(0.25 * sweep_share * path));
-  if (recorded.tracked && recorded.frames > 1)
-    add(shift(options.lag_frames / (recorded.frames - 1) * path));
+  // Frames at rest are no part of the path.
+  const int frames = moving_frames(recorded);
+  if (recorded.tracked && frames > 1) add(shift(options.lag_frames / (frames - 1) * path));
   return covariance + shift_covariance(options.other_mm);
 }
 
