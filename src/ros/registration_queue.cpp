@@ -49,10 +49,7 @@ void RegistrationQueue::stop() {
   wake_.notify_all();
 }
 
-bool RegistrationQueue::is_stopping() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return stopping_;
-}
+bool RegistrationQueue::is_stopping() const { return stopping_; }
 
 void RegistrationQueue::wake() {
   // `next` holds the mutex from its last look until it waits. Taking the mutex here makes sure that

@@ -57,6 +57,7 @@ class RegistrationQueue {
   /// Cancels the running registration. From then on `reserve` refuses; a request that has the place
   /// is still handed out, cancelled, so that it is answered.
   void stop();
+  /// Never waits for another thread, so that it may be called with any mutex locked.
   bool is_stopping() const;
   /// Makes `next` ask for a background job again.
   void wake();
@@ -73,7 +74,10 @@ class RegistrationQueue {
  private:
   mutable std::mutex mutex_;  // guards the members below
   std::condition_variable wake_;
-  bool stopping_ = false;
+  /// Set under the mutex, so that `next` does not miss it, but read without it: who waits for a
+  /// volume asks `is_stopping` with the mutex of HeldVolumes locked, while `next` asks HeldVolumes
+  /// for a background job with the mutex of this class locked.
+  std::atomic<bool> stopping_{false};
   std::string reserved_;  // name of the request that has the place; empty: none
   Job pending_;           // fills the place, is not yet handed out
   Job running_;

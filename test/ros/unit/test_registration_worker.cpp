@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <future>
 #include <stdexcept>
 #include <thread>
@@ -49,6 +50,31 @@ std::future<Result> put(RegistrationQueue& queue, const std::string& name) {
   job->done = [answer](const Result& result) { answer->set_value(result); };
   queue.put(job);
   return answer->get_future();
+}
+
+/// `next` asks for a background job with its mutex locked, and that asks HeldVolumes; who waits in
+/// HeldVolumes, with its mutex locked, asks whether the queue is stopping.
+TEST(RegistrationQueue, TellsThatItIsStoppingWhileItAsksForABackgroundJob) {
+  constexpr std::chrono::seconds kLongest(5);
+  RegistrationQueue queue;
+  std::atomic<int> asking{0};
+  std::promise<void> answered;
+  std::future<void> background = answered.get_future();
+  auto next = std::async(std::launch::async, [&] {
+    return queue.next([&] {
+      ++asking;
+      background.wait_for(kLongest);
+      return nullptr;
+    });
+  });
+  wait_for(asking, 1);
+  auto is_stopping = std::async(std::launch::async, [&] { return queue.is_stopping(); });
+  EXPECT_EQ(is_stopping.wait_for(kLongest / 2), std::future_status::ready);
+  answered.set_value();
+  EXPECT_FALSE(is_stopping.get());
+  queue.stop();
+  EXPECT_TRUE(queue.is_stopping());
+  EXPECT_EQ(next.get(), nullptr);
 }
 
 TEST(RegistrationWorker, AnswersRequestsOneAfterTheOther) {
