@@ -74,6 +74,9 @@ void HeldVolumes::set_time(const ::ros::Time& now) {
   if (ran_back(now, last_now_)) {
     epoch_ = {epoch_.number + 1, now};
     last_now_ = now;
+    // Stamps from before the jump are not comparable with those that follow.
+    last_ultrasound_stamp_ = ::ros::Time();
+    announced_.reset();
   }
   last_now_ = std::max(last_now_, now);
 }
@@ -109,8 +112,9 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
   wake_.notify_all();
 }
 
-void HeldVolumes::announced(const ::ros::Time& ultrasound_stamp) {
+void HeldVolumes::announced(const ::ros::Time& ultrasound_stamp, const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  set_time(now);
   // The volume, or one after it, may have been quicker.
   if (ultrasound_stamp <= last_ultrasound_stamp_) return;
   announced_ = Announced{ultrasound_stamp, Clock::now() + kLongestOnItsWay};

@@ -105,7 +105,7 @@ class HeldVolumes {
   void arrived(const us_ct_registration::CtVolume::ConstPtr& message, const ::ros::Time& now);
   void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message, const ::ros::Time& now);
   /// The ultrasound with this stamp is on its way.
-  void announced(const ::ros::Time& ultrasound_stamp);
+  void announced(const ::ros::Time& ultrasound_stamp, const ::ros::Time& now);
   /// Must be called often, so that a jump of the clock back is noticed.
   void notice_time(const ::ros::Time& now);
 
@@ -184,7 +184,7 @@ class HeldVolumes {
   bool converting_ct_ = false;
   std::deque<UltrasoundArrival> ultrasound_arrivals_;
   std::uint64_t arrived_ultrasound_ = 0;
-  ::ros::Time last_ultrasound_stamp_;  // of the last that arrived
+  ::ros::Time last_ultrasound_stamp_;  // of the last that arrived in this epoch
   /// A volume that has not arrived, and the end of the wait for it.
   struct Announced {
     ::ros::Time stamp;

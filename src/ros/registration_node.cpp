@@ -82,8 +82,9 @@ void RegistrationNode::subscribe() {
   ct_subscriber_ = subscribe_ct();
   ultrasound_subscriber_ = subscribe_ultrasound();
   announcement_subscriber_ = node_.subscribe<std_msgs::Header>(
-      "us/announced", 1,
-      [this](const std_msgs::Header::ConstPtr& header) { volumes_.announced(header->stamp); });
+      "us/announced", 1, [this](const std_msgs::Header::ConstPtr& header) {
+        volumes_.announced(header->stamp, ::ros::Time::now());
+      });
   alignment_subscriber_ = node_.subscribe<msg::Alignment>(
       "registration/alignment", 1,
       [this](const msg::Alignment::ConstPtr& message) { alignments_.arrived(message); });

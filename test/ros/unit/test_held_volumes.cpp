@@ -125,23 +125,46 @@ TEST_F(HeldVolumesTest, WhoNamesAVolumeThatIsOnItsWayGetsIt) {
 
 TEST_F(HeldVolumesTest, TheNewestIsTheOneThatWasAnnounced) {
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
-  volumes().announced(::ros::Time(1.0));  // it came later than its volume
+  volumes().announced(::ros::Time(1.0), kNow);  // it came later than its volume
   EXPECT_EQ(newest_s(), 1.0);
-  volumes().announced(::ros::Time(2.0));
+  volumes().announced(::ros::Time(2.0), kNow);
   auto asking = std::async(std::launch::async, [&] { return newest_s(); });
   EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
   EXPECT_EQ(asking.get(), 2.0);
 
-  volumes().announced(::ros::Time(1.0));  // that of an older volume, too late
+  volumes().announced(::ros::Time(1.0), kNow);  // that of an older volume, too late
   EXPECT_EQ(newest_s(), 2.0);
 
-  volumes().announced(::ros::Time(3.0));  // it is lost
+  volumes().announced(::ros::Time(3.0), kNow);  // it is lost
   const Refusal lost = ultrasound_refusal();
   EXPECT_EQ(lost.code(), Status::NO_ULTRASOUND);
   EXPECT_THAT(lost.what(), HasSubstr("3.000 was announced, but has not arrived"));
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(4)), kNow);
   EXPECT_EQ(newest_s(), 4.0);
+}
+
+/// As in each loop of a bag. The first that learns of the jump may be the announcement itself.
+TEST_F(HeldVolumesTest, AfterTimeRanBackTheAnnouncedVolumeIsWaitedFor) {
+  for (const bool was_noticed : {true, false}) {
+    volumes_.reset();
+    volumes().announced(::ros::Time(101.0), ::ros::Time(100.0));  // it is lost
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), ::ros::Time(100.0));
+    if (was_noticed) {
+      volumes().notice_time(::ros::Time(10.0));
+      EXPECT_EQ(newest_s(), 100.0);
+    }
+    volumes().announced(::ros::Time(12.0), ::ros::Time(12.0));
+    auto newest = std::async(std::launch::async, [&] { return newest_s(); });
+    auto named = std::async(std::launch::async, [&] {
+      return volumes().ultrasound(::ros::Time(12.0), never)->header.stamp.toSec();
+    });
+    EXPECT_EQ(newest.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+    EXPECT_EQ(named.wait_for(std::chrono::milliseconds(0)), std::future_status::timeout);
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(12)), ::ros::Time(12.0));
+    EXPECT_EQ(newest.get(), 12.0);
+    EXPECT_EQ(named.get(), 12.0);
+  }
 }
 
 TEST_F(HeldVolumesTest, MalformedUltrasoundHidesOlderOneUntilTheNext) {
