@@ -89,7 +89,7 @@ void HeldVolumes::notice_time(const ::ros::Time& now) {
 void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message, const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
-  ct_arrival_ = CtArrival{message, now, epoch_};
+  ct_arrival_ = CtArrival{message, now, epoch_, 0};
   newest_ct_revision_ = message->revision;
   newest_ct_crc32_ = message->crc32;
   wake_.notify_all();
@@ -98,17 +98,14 @@ void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message, const ::ros::T
 void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
-  ultrasound_arrivals_.push_back({message, now, epoch_});
-  ++arrived_ultrasound_;
+  ultrasound_arrivals_.push_back({message, now, epoch_, ++arrived_ultrasound_});
   last_ultrasound_stamp_ = message->header.stamp;
   if (announced_ &&
       (announced_->stamp <= last_ultrasound_stamp_ || Clock::now() > announced_->deadline))
     announced_.reset();
   // Volumes that would be dropped right after their conversion are not converted.
-  while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes)) {
+  while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes))
     ultrasound_arrivals_.pop_front();
-    ++converted_ultrasound_;
-  }
   wake_.notify_all();
 }
 
@@ -136,7 +133,7 @@ void HeldVolumes::work() {
       lock.unlock();
       Entry entry = convert(arrival);
       lock.lock();
-      entry.number = ++converted_ultrasound_;
+      converted_ultrasound_ = arrival.number;
       keep(std::move(entry));
     } else if (has_pending()) {
       wake_.wait_for(lock, kPoll);
@@ -195,6 +192,7 @@ HeldVolumes::Entry HeldVolumes::convert(const UltrasoundArrival& arrival) const 
   const msg::PreScanVolume& message = *arrival.message;
   const std::string source = "ultrasound with the stamp " + seconds_text(message.header.stamp);
   Entry entry;
+  entry.number = arrival.number;
   entry.header = message.header;
   entry.refusal = refusal_of([&] {
     require_header(message.header, arrival.now, source);

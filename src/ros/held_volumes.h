@@ -152,6 +152,7 @@ class HeldVolumes {
     boost::shared_ptr<const Message> message;
     ::ros::Time now;
     ClockEpoch epoch;
+    std::uint64_t number = 0;  // of ultrasound, in the order of arrival
   };
   using CtArrival = Arrival<us_ct_registration::CtVolume>;
   using UltrasoundArrival = Arrival<us_ct_registration::PreScanVolume>;
@@ -183,15 +184,15 @@ class HeldVolumes {
   std::optional<CtArrival> ct_arrival_;
   bool converting_ct_ = false;
   std::deque<UltrasoundArrival> ultrasound_arrivals_;
-  std::uint64_t arrived_ultrasound_ = 0;
-  ::ros::Time last_ultrasound_stamp_;  // of the last that arrived in this epoch
+  std::uint64_t arrived_ultrasound_ = 0;  // number of the last that arrived
+  ::ros::Time last_ultrasound_stamp_;     // of the last that arrived in this epoch
   /// A volume that has not arrived, and the end of the wait for it.
   struct Announced {
     ::ros::Time stamp;
     Clock::time_point deadline;
   };
   std::optional<Announced> announced_;
-  std::uint64_t converted_ultrasound_ = 0;
+  std::uint64_t converted_ultrasound_ = 0;  // number of the last that was converted
   std::uint32_t newest_ct_revision_ = 0;
   std::uint32_t newest_ct_crc32_ = 0;
   std::shared_ptr<const HeldCt> ct_;

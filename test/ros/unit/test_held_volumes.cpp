@@ -108,6 +108,41 @@ TEST_F(HeldVolumesTest, RecentUltrasoundIsKeptByStamp) {
   EXPECT_THAT(gone.what(), HasSubstr("3.000, 4.000, 5.000"));
 }
 
+/// Volumes that come faster than they are converted are dropped; whoever asks still gets none that
+/// is older than the newest of that moment.
+TEST_F(HeldVolumesTest, VolumesThatAreDroppedDoNotCountAsConverted) {
+  options_.ultrasound_volumes = 3;
+  // The converting thread outlives the test's body.
+  const auto is_held_up = std::make_shared<std::atomic<bool>>(true);
+  const auto changes = std::make_shared<std::atomic<int>>(0);
+  volumes_.emplace(frame_, options_, [is_held_up, changes] {
+    ++*changes;
+    while (*is_held_up) std::this_thread::yield();
+  });
+  const auto arrive = [&](int stamp) {
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(stamp)), kNow);
+  };
+  arrive(1);
+  while (*changes == 0) std::this_thread::yield();  // from now on the converting thread waits
+  for (const int stamp : {2, 3, 4}) arrive(stamp);
+  std::atomic<bool> waits{false};
+  auto asking = std::async(std::launch::async, [&] {
+    return volumes()
+        .ultrasound(::ros::Time(),
+                    [&] {
+                      waits = true;
+                      return false;
+                    })
+        ->header.stamp.toSec();
+  });
+  while (!waits) std::this_thread::yield();
+  for (const int stamp : {5, 6, 7}) arrive(stamp);
+  EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+  *is_held_up = false;
+  EXPECT_GE(asking.get(), 5.0);
+  EXPECT_EQ(newest_s(), 7.0);
+}
+
 TEST_F(HeldVolumesTest, WhoNamesAVolumeThatIsOnItsWayGetsIt) {
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
   std::atomic<bool> asked{false};
