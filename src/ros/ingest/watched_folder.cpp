@@ -55,6 +55,9 @@ std::vector<fs::path> WatchedFolder::take(double now_s) {
     file.taken = true;
     ready.emplace_back(file.changed, path);
   }
+  // A share that drops out, or a file that another program replaces, is absent for a while.
+  for (const auto& [path, file] : files_)
+    if (file.taken) found.emplace(path, file);
   files_ = std::move(found);
   std::sort(ready.begin(), ready.end());
   std::vector<fs::path> paths;

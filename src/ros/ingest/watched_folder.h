@@ -10,7 +10,8 @@ namespace usct::ros_interface {
 
 /// Finds the files that appear in a folder, each once, when it is completely written. A file counts
 /// as written when its size and time of change have stayed the same for `settle_s`; a file that
-/// changes after it was taken is a new file. Hidden files, which atomic writers use, are ignored.
+/// changes after it was taken is a new file; one that was absent for a while is not. Hidden files,
+/// which atomic writers use, are ignored.
 class WatchedFolder {
  public:
   /// Looks only at files whose names end in `suffix`. Files that are there already count as taken

@@ -51,6 +51,25 @@ TEST(WatchedFolder, LeavesOldHiddenAndOtherFilesAlone) {
               ElementsAre(folder.path() / "old.nrrd", folder.path() / "new.nrrd"));
 }
 
+TEST(WatchedFolder, AFileThatWasAbsentForAWhileIsNotNew) {
+  const test::TemporaryFolder folder;
+  const test::TemporaryFolder elsewhere;
+  write(folder.path() / "old", "1");
+  WatchedFolder watched(folder.path(), "", 0.0, false, 0.0);
+  write(folder.path() / "taken", "1");
+  EXPECT_THAT(watched.take(1.0), ElementsAre(folder.path() / "taken"));
+  for (const char* name : {"old", "taken"})
+    fs::rename(folder.path() / name, elsewhere.path() / name);
+  EXPECT_THAT(watched.take(2.0), IsEmpty());
+  for (const char* name : {"old", "taken"})
+    fs::rename(elsewhere.path() / name, folder.path() / name);
+  EXPECT_THAT(watched.take(3.0), IsEmpty());
+  fs::remove(folder.path() / "taken");
+  EXPECT_THAT(watched.take(4.0), IsEmpty());
+  write(folder.path() / "taken", "12");
+  EXPECT_THAT(watched.take(5.0), ElementsAre(folder.path() / "taken"));
+}
+
 TEST(WatchedFolder, SaysThatTheFolderCannotBeRead) {
   EXPECT_THROW(WatchedFolder("/no/such/folder", "", 1.0, false, 0.0), InputError);
 }
