@@ -8,6 +8,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/probe_motion.h"
 
@@ -25,15 +26,15 @@ std::string at(const ::ros::Time& stamp) {
   return " at the ultrasound's stamp " + seconds_text(stamp);
 }
 
-Isometry3d transform_mm(const tf2::BufferCore& tf, const std::string& target,
-                        const std::string& source, const ::ros::Time& time) {
-  return from_message_mm(tf.lookupTransform(target, source, time).transform,
+Isometry3d transform_mm(const TfBuffer& tf, const std::string& target, const std::string& source,
+                        const ::ros::Time& time) {
+  return from_message_mm(tf.look_up(target, source, time).transform,
                          "tf from " + quoted(source) + " to " + quoted(target));
 }
 
 }  // namespace
 
-FixedFrame::FixedFrame(const tf2::BufferCore& tf, FixedFrameOptions options)
+FixedFrame::FixedFrame(const TfBuffer& tf, FixedFrameOptions options)
     : tf_(tf), options_(std::move(options)) {}
 
 const std::string& FixedFrame::name(const std_msgs::Header& us) const {
@@ -41,12 +42,12 @@ const std::string& FixedFrame::name(const std_msgs::Header& us) const {
 }
 
 bool FixedFrame::reaches(const std_msgs::Header& us) const {
-  return is_own_frame(us) || tf_.canTransform(name(us), us.frame_id, us.stamp);
+  return is_own_frame(us) || tf_.can_transform(name(us), us.frame_id, us.stamp);
 }
 
 bool FixedFrame::is_complete(const std_msgs::Header& us) const {
   return is_own_frame(us) ||
-         tf_.canTransform(name(us), us.frame_id, shifted(us.stamp, options_.jump_window_s));
+         tf_.can_transform(name(us), us.frame_id, shifted(us.stamp, options_.jump_window_s));
 }
 
 FixedPose FixedFrame::look_up(const std_msgs::Header& us) const {
@@ -76,10 +77,9 @@ Isometry3d FixedFrame::T_fixed_us_at(const std_msgs::Header& us, const ::ros::Ti
 
 ::ros::Time FixedFrame::usable_time(const std_msgs::Header& us) const {
   std::string why;
-  if (tf_.canTransform(name(us), us.frame_id, us.stamp, &why)) return us.stamp;
+  if (tf_.can_transform(name(us), us.frame_id, us.stamp, &why)) return us.stamp;
   // This throws if the frames were never connected.
-  const ::ros::Time newest =
-      tf_.lookupTransform(name(us), us.frame_id, ::ros::Time(0)).header.stamp;
+  const ::ros::Time newest = tf_.look_up(name(us), us.frame_id, ::ros::Time(0)).header.stamp;
   if (newest >= us.stamp) throw tf2::ExtrapolationException(why);
   const double age_s = seconds_between(newest, us.stamp);
   if (age_s > options_.max_tf_age_s)
@@ -99,7 +99,7 @@ void FixedFrame::require_still(const std_msgs::Header& us, const FixedPose& pose
     const ::ros::Time time = shifted(us.stamp, offset_s);
     // tf takes the time 0 for the newest transform.
     if (i == 0 || time.isZero()) continue;
-    if (!tf_.canTransform(name(us), us.frame_id, time)) continue;
+    if (!tf_.can_transform(name(us), us.frame_id, time)) continue;
     require_small(us, pose.T_fixed_us.inverse() * T_fixed_us_at(us, time), time, us.stamp);
   }
 } catch (const Refusal&) {

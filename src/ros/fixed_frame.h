@@ -2,13 +2,13 @@
 
 #include <ros/time.h>
 #include <std_msgs/Header.h>
-#include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
 #include <exception>
 #include <string>
 #include <vector>
 
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 
 namespace usct::ros_interface {
@@ -42,7 +42,7 @@ struct FixedPose {
 /// with frames, stamps and ages, and never the identity.
 class FixedFrame {
  public:
-  FixedFrame(const tf2::BufferCore& tf, FixedFrameOptions options);
+  FixedFrame(const TfBuffer& tf, FixedFrameOptions options);
 
   /// Name of the fixed frame of an ultrasound volume.
   const std::string& name(const std_msgs::Header& us) const;
@@ -89,7 +89,7 @@ class FixedFrame {
   ::ros::Time usable_time(const std_msgs::Header& us) const;
   [[noreturn]] void unavailable(const std_msgs::Header& us, const std::exception& error) const;
 
-  const tf2::BufferCore& tf_;
+  const TfBuffer& tf_;
   const FixedFrameOptions options_;
 };
 

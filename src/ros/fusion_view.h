@@ -25,6 +25,7 @@
 #include "ros/fusion/fusion_painter.h"
 #include "ros/fusion/fusion_scene.h"
 #include "ros/parameters.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 #include "ros/tf_wait.h"
 
@@ -85,7 +86,7 @@ class FusionViewNode {
   double tf_timeout_s_ = 0.0;
   std::optional<DataRoot> save_root_;
   FusionSceneOptions scene_options_;
-  tf2::BufferCore tf_{::ros::Duration(kTfHistory_s)};
+  TfBuffer tf_{::ros::Duration(kTfHistory_s)};
   std::unique_ptr<TfInput> tf_input_;
 
   std::mutex mutex_;  // guards the members below, up to seconds_

@@ -173,7 +173,7 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request, con
   // This check comes first, because ultrasound that moved has a wrong initial pose as well.
   if (!volumes_.require_still(*inputs.us, request.cancelled))
     result.message +=
-        "; tf ends before the time after the ultrasound's stamp in which the probe must be still "
+        "; tf does not know the time after the ultrasound's stamp in which the probe must be still "
         "(jump_window): a motion there was not seen";
   require_newest(*inputs.ct);
   return result;

@@ -34,7 +34,7 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
                                    const ::ros::NodeHandle& private_node)
     : node_(with_queue(node, guarded_)),
       parameters_(read_registration_parameters(private_node)),
-      tf_(::ros::Duration(parameters_.tf_history_s)),
+      tf_(::ros::Duration(parameters_.tf_history_s), parameters_.max_tf_gap_s),
       tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),

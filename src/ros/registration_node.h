@@ -4,7 +4,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
-#include <tf2/buffer_core.h>
 #include <us_ct_registration/Cancel.h>
 #include <us_ct_registration/CtInfo.h>
 #include <us_ct_registration/Register.h>
@@ -19,6 +18,7 @@
 #include "ros/registration_queue.h"
 #include "ros/registration_statistics.h"
 #include "ros/registration_worker.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -75,7 +75,7 @@ class RegistrationNode {
   GuardedQueue guarded_{queue_};
   ::ros::NodeHandle node_;
   const RegistrationParameters parameters_;
-  tf2::BufferCore tf_;
+  TfBuffer tf_;
   TfInput tf_input_;
   FixedFrame frame_;
   InitialAlignments alignments_;

@@ -91,6 +91,7 @@ RegistrationParameters read_registration_parameters(const ::ros::NodeHandle& pri
   all.volumes.tf_timeout_s =
       parameters.number("tf_timeout", all.volumes.tf_timeout_s, 0.0, kLongestS);
   all.tf_history_s = parameters.number("tf_history", all.tf_history_s, 1.0, kLongestS);
+  all.max_tf_gap_s = parameters.number("max_tf_gap", all.max_tf_gap_s, 0.0, kLongestS);
   all.threads = parameters.whole("threads", all.threads, 0, kMostThreads);
   all.continuous = parameters.flag("continuous", all.continuous);
   all.diagnostic_period_s = read_diagnostic_period(parameters);

@@ -9,7 +9,7 @@
 #include "ros/held_volumes.h"
 #include "ros/initial_alignments.h"
 #include "ros/registrar.h"
-#include "ros/tf_wait.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 
@@ -20,6 +20,7 @@ struct RegistrationParameters {
   RegistrarOptions registrar;
   std::optional<FramedAlignment> initial_alignment;
   double tf_history_s = kTfHistory_s;
+  double max_tf_gap_s = kMaxTfGap_s;
   int threads = 0;
   bool continuous = false;
   double diagnostic_period_s = 1.0;

@@ -113,7 +113,7 @@ std::optional<Eigen::Isometry3d> SlicerBridge::look_up(std::string& why_not) con
   }
   try {
     const geometry_msgs::TransformStamped found =
-        tf_.lookupTransform(us_frame_, alignment.ct_frame, ::ros::Time());
+        tf_.look_up(us_frame_, alignment.ct_frame, ::ros::Time());
     const double age_s = seconds_between(found.header.stamp, ::ros::Time::now());
     if (age_s <= max_tf_age_s_) return from_message_mm(found.transform, "tf");
     why_not = formatted(

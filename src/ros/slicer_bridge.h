@@ -2,7 +2,6 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
-#include <tf2/buffer_core.h>
 #include <us_ct_registration/CtInfo.h>
 
 #include <Eigen/Geometry>
@@ -16,6 +15,7 @@
 #include "ros/operator/operator_state.h"
 #include "ros/operator/service_calls.h"
 #include "ros/slicer/igtl_server.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -62,7 +62,7 @@ class SlicerBridge {
   ::ros::NodeHandle node_;
   std::string us_frame_;
   double max_tf_age_s_ = 0.0;
-  tf2::BufferCore tf_;
+  TfBuffer tf_;
   TfInput tf_input_;
 
   std::mutex mutex_;  // guards the members below, up to last_event_

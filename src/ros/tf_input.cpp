@@ -3,6 +3,7 @@
 #include <ros/console.h>
 
 #include "ros/conversions/times.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -12,7 +13,7 @@ constexpr unsigned kQueue = 100;  // as of tf2_ros
 
 }  // namespace
 
-TfInput::TfInput(tf2::BufferCore& buffer, const ::ros::NodeHandle& node)
+TfInput::TfInput(TfBuffer& buffer, const ::ros::NodeHandle& node)
     : buffer_(buffer), node_(with_queue(node, guarded_)), spinner_(1, &queue_) {
   moving_ = node_.subscribe("/tf", kQueue, &TfInput::take_moving, this);
   static_ = node_.subscribe("/tf_static", kQueue, &TfInput::take_static, this);
@@ -38,7 +39,7 @@ void TfInput::take(const Event& event, bool is_static) {
                           "transform from '" + transform.header.frame_id + "' to '" +
                               transform.child_frame_id + "' of " + sender,
                           "header.stamp");
-      buffer_.setTransform(transform, sender, is_static);
+      buffer_.set_transform(transform, sender, is_static);
     } catch (const std::exception& error) {
       ROS_ERROR_THROTTLE(1.0, "tf: %s", error.what());
     }

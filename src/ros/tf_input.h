@@ -3,13 +3,13 @@
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 #include <ros/spinner.h>
-#include <tf2/buffer_core.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <mutex>
 #include <string>
 
 #include "ros/guarded_queue.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 
@@ -20,7 +20,7 @@ namespace usct::ros_interface {
 class TfInput {
  public:
   /// `buffer` must outlive this object.
-  TfInput(tf2::BufferCore& buffer, const ::ros::NodeHandle& node);
+  TfInput(TfBuffer& buffer, const ::ros::NodeHandle& node);
 
  private:
   using Event = ::ros::MessageEvent<tf2_msgs::TFMessage const>;
@@ -30,7 +30,7 @@ class TfInput {
   void take(const Event& event, bool is_static);
   void notice_time(const ::ros::Time& now);
 
-  tf2::BufferCore& buffer_;
+  TfBuffer& buffer_;
   ::ros::Time last_now_;  // of the one thread below
   ::ros::CallbackQueue queue_;
   GuardedQueue guarded_{queue_};

@@ -7,11 +7,11 @@
 
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 
-geometry_msgs::TransformStamped wait_for_transform(const tf2::BufferCore& tf,
-                                                   const std::string& target,
+geometry_msgs::TransformStamped wait_for_transform(const TfBuffer& tf, const std::string& target,
                                                    const std::string& source,
                                                    const ::ros::Time& stamp, double timeout_s) {
   using Clock = std::chrono::steady_clock;
@@ -23,8 +23,7 @@ geometry_msgs::TransformStamped wait_for_transform(const tf2::BufferCore& tf,
   const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
   while (true) {
     std::string why;  // tf2 appends to it
-    if (tf.canTransform(target, source, stamp, &why))
-      return tf.lookupTransform(target, source, stamp);
+    if (tf.can_transform(target, source, stamp, &why)) return tf.look_up(target, source, stamp);
     if (Clock::now() >= end)
       throw Refusal(us_ct_registration::StatusCode::TF_UNAVAILABLE,
                     "tf does not connect '" + source + "' to '" + target + "' at the stamp " +

@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 #include "ros/tf_wait.h"
 #include "us_ct_registration/rendering/point_clouds.h"
@@ -101,7 +102,7 @@ class UsCloud {
   us_ct_registration::RegistrationResultConstPtr refused_;
   std::string problem_;  // of the last ultrasound; empty if it is shown
   ::ros::NodeHandle node_;
-  tf2::BufferCore tf_{::ros::Duration(kTfHistory_s)};
+  TfBuffer tf_{::ros::Duration(kTfHistory_s)};
   TfInput tf_input_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;
   ::ros::Publisher us_publisher_;

@@ -2,7 +2,6 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
-#include <tf2/buffer_core.h>
 #include <us_ct_registration/OverlayStatus.h>
 
 #include <memory>
@@ -12,6 +11,7 @@
 #include "ros/overlay/overlay_camera.h"
 #include "ros/overlay/overlay_scene.h"
 #include "ros/parameters.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -41,7 +41,7 @@ class VideoOverlay {
   std::string transport_;
   OverlaySceneOptions scene_options_;
   OverlayPainterOptions painting_;
-  tf2::BufferCore tf_;
+  TfBuffer tf_;
   std::unique_ptr<OverlaySceneKeeper> keeper_;
   std::unique_ptr<TfInput> tf_input_;
   std::vector<::ros::Subscriber> subscribers_;

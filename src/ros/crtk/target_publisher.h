@@ -4,7 +4,6 @@
 #include <ros/publisher.h>
 #include <ros/subscriber.h>
 #include <ros/timer.h>
-#include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
 #include <mutex>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "ros/overlay/overlay_scene.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -63,7 +63,7 @@ class TargetPublisher {
   ::ros::NodeHandle node_;
   const TargetOptions options_;
   OverlaySceneKeeper keeper_;
-  tf2::BufferCore tf_;
+  TfBuffer tf_;
   TfInput tf_input_;
   std::vector<::ros::Subscriber> subscribers_;
   std::vector<::ros::Publisher> publishers_;  // as options_.targets

@@ -13,6 +13,7 @@
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
 namespace usct::ros_interface {
@@ -30,7 +31,7 @@ class ArrayPoses {
   const std::string us_frame_;
   const ::ros::Duration image_lag_;
   const double tf_wait_s_;
-  tf2::BufferCore buffer_;
+  TfBuffer buffer_;
   TfInput input_;
 };
 

@@ -91,6 +91,7 @@ ImageStreamOptions read_image_stream(Parameters& parameters, const FileOptions& 
   sweep.max_bytes = frames.assembly.max_bytes;
   sweep.image_lag_s = frames.assembly.image_lag_s;
   images.tf_wait_s = frames.tf_wait_s;
+  images.max_tf_gap_s = frames.max_tf_gap_s;
   images.lag_tolerance_s = frames.lag_tolerance_s;
   if (!used) return images;
   require_set(!frames.pose_frame.empty(), "pose_frame", "the tf frame of the volumes");

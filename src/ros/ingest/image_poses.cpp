@@ -17,7 +17,8 @@ ImagePoses::ImagePoses(const ::ros::NodeHandle& node, const ImageStreamOptions& 
       T_image_frame_(options.T_image_frame),
       // Beyond the sweep itself: the lag, the wait, and the time until the sweep is ended.
       buffer_(::ros::Duration(options.longest_sweep_s + options.tf_wait_s +
-                              options.sweep.longest_pause_s + 10.0)),
+                              options.sweep.longest_pause_s + 10.0),
+              options.max_tf_gap_s),
       input_(buffer_, node) {}
 
 ArrayPoseThen ImagePoses::at(std::int64_t stamp_ns, const std::string& image_frame,
@@ -27,7 +28,7 @@ ArrayPoseThen ImagePoses::at(std::int64_t stamp_ns, const std::string& image_fra
   while (true) {
     try {
       const geometry_msgs::TransformStamped found =
-          buffer_.lookupTransform(us_frame_, image_frame, time_from(stamp_ns));
+          buffer_.look_up(us_frame_, image_frame, time_from(stamp_ns));
       return {from_message_mm(found.transform, "tf") * T_image_frame_, {}};
     } catch (const std::exception& error) {  // from tf2, or for a time out of range
       if (::ros::WallTime::now() >= deadline || !::ros::ok()) return {std::nullopt, error.what()};

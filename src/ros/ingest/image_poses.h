@@ -1,13 +1,13 @@
 #pragma once
 
 #include <ros/node_handle.h>
-#include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <string>
 
 #include "ros/ingest/ingest_parameters.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 
@@ -26,7 +26,7 @@ class ImagePoses {
  private:
   const std::string us_frame_;
   const Eigen::Isometry3d T_image_frame_;
-  tf2::BufferCore buffer_;
+  TfBuffer buffer_;
   TfInput input_;
 };
 

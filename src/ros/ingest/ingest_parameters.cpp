@@ -1,6 +1,7 @@
 #include "ros/ingest/ingest_parameters.h"
 
 #include "ros/parameters.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -34,6 +35,7 @@ void read_frames(Parameters& parameters, FrameStreamOptions& frames) {
   assembly.image_lag_s = parameters.number("image_lag", 0.0, -2.0, 2.0);
   frames.pose_frame = parameters.frame("pose_frame", "");
   frames.tf_wait_s = parameters.number("tf_wait", 0.5, 0.0, 10.0);
+  frames.max_tf_gap_s = parameters.number("max_tf_gap", kMaxTfGap_s, 0.0, 600.0);
   frames.lag_tolerance_s = parameters.number("lag_tolerance", 0.05, 0.0, 2.0);
 }
 

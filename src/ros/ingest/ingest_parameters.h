@@ -34,6 +34,7 @@ struct FrameStreamOptions {
   /// The US frame in which tf knows the array of a tracked probe; empty: tf is not asked.
   std::string pose_frame;
   double tf_wait_s = 0.0;
+  double max_tf_gap_s = 0.0;
   double lag_tolerance_s = 0.0;
 };
 
@@ -57,6 +58,7 @@ struct ImageStreamOptions {
   /// Longest sweep, for which poses are kept.
   double longest_sweep_s = 0.0;
   double tf_wait_s = 0.0;
+  double max_tf_gap_s = 0.0;
   double lag_tolerance_s = 0.0;
 };
 

@@ -11,6 +11,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/overlay/overlay_placement.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/rendering/result_marks.h"
@@ -77,7 +78,7 @@ void write_legend(const ImageView& image, const std::vector<OverlayStructure>& s
 }  // namespace
 
 OverlayPainter::OverlayPainter(OverlayPainterOptions options, const OverlaySceneKeeper& keeper,
-                               const tf2::BufferCore& tf)
+                               const TfBuffer& tf)
     : options_(options), keeper_(keeper), tf_(tf), renderer_(options.drawing) {}
 
 void OverlayPainter::widen_bounds(const Eigen::Isometry3d& T_camera_ct,

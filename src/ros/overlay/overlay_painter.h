@@ -2,7 +2,6 @@
 
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
-#include <tf2/buffer_core.h>
 #include <us_ct_registration/OverlayStatus.h>
 
 #include <optional>
@@ -10,6 +9,7 @@
 
 #include "ros/overlay/camera_model.h"
 #include "ros/overlay/overlay_scene.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/rendering/overlay.h"
 
 namespace usct::ros_interface {
@@ -49,7 +49,7 @@ class OverlayPainter {
  public:
   /// `keeper` and `tf` must outlive the painter.
   OverlayPainter(OverlayPainterOptions options, const OverlaySceneKeeper& keeper,
-                 const tf2::BufferCore& tf);
+                 const TfBuffer& tf);
 
   Overlay paint(const OverlayJob& job);
 
@@ -64,7 +64,7 @@ class OverlayPainter {
 
   const OverlayPainterOptions options_;
   const OverlaySceneKeeper& keeper_;
-  const tf2::BufferCore& tf_;
+  const TfBuffer& tf_;
   OverlayRenderer renderer_;
 };
 

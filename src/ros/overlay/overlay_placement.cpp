@@ -5,6 +5,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 #include "ros/refusal.h"
+#include "ros/tf_buffer.h"
 #include "ros/tf_wait.h"
 #include "us_ct_registration/error.h"
 
@@ -13,14 +14,14 @@ namespace {
 
 using Code = us_ct_registration::StatusCode;
 
-Eigen::Isometry3d look_up(const tf2::BufferCore& tf, const std::string& target,
-                          const std::string& source, const ::ros::Time& stamp) {
-  return from_message_mm(tf.lookupTransform(target, source, stamp).transform, "tf");
+Eigen::Isometry3d look_up(const TfBuffer& tf, const std::string& target, const std::string& source,
+                          const ::ros::Time& stamp) {
+  return from_message_mm(tf.look_up(target, source, stamp).transform, "tf");
 }
 
 }  // namespace
 
-Eigen::Isometry3d T_frame_ct_at(const tf2::BufferCore& tf, const OverlayScene& scene,
+Eigen::Isometry3d T_frame_ct_at(const TfBuffer& tf, const OverlayScene& scene,
                                 const std::string& frame, const ::ros::Time& stamp,
                                 const ::ros::Time& now, double timeout_s) try {
   constexpr double kSameMm = 1e-3;

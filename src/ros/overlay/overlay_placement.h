@@ -1,12 +1,12 @@
 #pragma once
 
 #include <ros/time.h>
-#include <tf2/buffer_core.h>
 
 #include <Eigen/Geometry>
 #include <string>
 
 #include "ros/overlay/overlay_scene.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 
@@ -17,7 +17,7 @@ namespace usct::ros_interface {
 /// `now`, if tf does not connect the frames at the stamp, or if tf has another pose of the CT there
 /// than the alignment of the scene: look-ups still show the one before, or another publisher is at
 /// work.
-Eigen::Isometry3d T_frame_ct_at(const tf2::BufferCore& tf, const OverlayScene& scene,
+Eigen::Isometry3d T_frame_ct_at(const TfBuffer& tf, const OverlayScene& scene,
                                 const std::string& frame, const ::ros::Time& stamp,
                                 const ::ros::Time& now, double timeout_s);
 

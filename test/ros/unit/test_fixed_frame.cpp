@@ -1,10 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tf2/buffer_core.h>
 
 #include "ros/conversions/poses.h"
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -39,7 +39,7 @@ class FixedFrameTest : public testing::Test {
     transform.header.stamp = ::ros::Time(seconds);
     transform.child_frame_id = child;
     transform.transform = to_message(T_mm);
-    tf_.setTransform(transform, "test", is_static);
+    tf_.set_transform(transform, "test", is_static);
   }
   FixedFrame frame() const { return {tf_, options_}; }
   Refusal refusal(double seconds) const {
@@ -75,7 +75,7 @@ class FixedFrameTest : public testing::Test {
     return {Status::OK, "no refusal"};
   }
 
-  tf2::BufferCore tf_{::ros::Duration(60.0)};
+  TfBuffer tf_{::ros::Duration(60.0)};
   FixedFrameOptions options_;
 };
 

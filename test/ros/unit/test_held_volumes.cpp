@@ -1,6 +1,5 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tf2/buffer_core.h>
 
 #include <atomic>
 #include <boost/make_shared.hpp>
@@ -12,6 +11,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/held_volumes.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -73,7 +73,7 @@ class HeldVolumesTest : public testing::Test {
 
   FixedFrameOptions frame_options_;
   HeldVolumesOptions options_;
-  tf2::BufferCore tf_{::ros::Duration(60.0)};
+  TfBuffer tf_{::ros::Duration(60.0)};
   FixedFrame frame_{tf_, frame_options_};
   std::optional<HeldVolumes> volumes_;
 };
@@ -350,7 +350,7 @@ class HeldVolumesWithTf : public HeldVolumesTest {
     transform.child_frame_id = "us";
     transform.transform.translation.x = x_mm / kMmPerM;
     transform.transform.rotation.w = 1.0;
-    tf_.setTransform(transform, "test");
+    tf_.set_transform(transform, "test");
   }
   FixedFrame with_tf_{tf_, [] {
                         FixedFrameOptions options;

@@ -1,12 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tf2/buffer_core.h>
 
 #include <boost/make_shared.hpp>
 
 #include "ros/conversions/poses.h"
 #include "ros/initial_alignments.h"
 #include "ros/refusal.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -87,7 +87,7 @@ class InitialAlignmentsTest : public testing::Test {
     return Status::OK;
   }
 
-  tf2::BufferCore tf_;
+  TfBuffer tf_;
   FixedFrame frame_{tf_, patient()};
   std::shared_ptr<HeldUltrasound> us_ = std::make_shared<HeldUltrasound>();
   InitialAlignments alignments_{frame_, FramedAlignment{"us", shifted(4.0)}};

@@ -1,11 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tf2/buffer_core.h>
 
 #include <boost/make_shared.hpp>
 
 #include "ros/conversions/ct.h"
 #include "ros/registrar.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -35,7 +35,7 @@ class RegistrarCt : public testing::Test {
     }
   }
 
-  tf2::BufferCore tf_{::ros::Duration(60.0)};
+  TfBuffer tf_{::ros::Duration(60.0)};
   FixedFrame frame_{tf_, FixedFrameOptions()};
   HeldVolumes volumes_{frame_, HeldVolumesOptions(), [] {}};
   InitialAlignments alignments_{frame_, std::nullopt};

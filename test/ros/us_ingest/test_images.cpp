@@ -76,11 +76,18 @@ class LiveImages : public testing::Test {
     return ::ros::Time::now() - ::ros::Duration(duration_s + 0.5);
   }
 
-  /// tf from 2 s before the sweep to its end, as `shown` moves: at 100 Hz.
+  /// A time since the start of a sweep, s.
+  struct Silence {
+    double begin_s = 0.0;
+    double end_s = 0.0;
+  };
+  /// tf from 2 s before the sweep to its end, as `shown` moves: at 100 Hz, except in the silence.
   template <typename Pose>
-  void move_probe(const ::ros::Time& start, double duration_s, const Pose& shown) {
+  void move_probe(const ::ros::Time& start, double duration_s, const Pose& shown,
+                  const Silence& silence = {}) {
     tf2_msgs::TFMessage message;
     for (int i = -200; i <= std::lround(100.0 * duration_s) + 40; ++i) {
+      if (0.01 * i > silence.begin_s && 0.01 * i < silence.end_s) continue;
       geometry_msgs::TransformStamped T;
       T.header.stamp = start + ::ros::Duration(0.01 * i);
       T.header.frame_id = "base";
@@ -315,6 +322,19 @@ TEST_F(LiveImagesByPause, AreOneSweepEachBetweenTwoPauses) {
     EXPECT_LT(worst_mm(*volumes_.all()[sweep - 1], start, 0.0), 0.02);
   }
   EXPECT_EQ(volumes_.all().size(), 2U);
+}
+
+/// tf2 itself would give poses on a straight line there.
+TEST_F(LiveImagesByPause, HaveNoPosesWhileTfWasSilent) {
+  frame_ = "probe_that_was_lost";
+  const ::ros::Time start = start_of(2.0);
+  move_probe(start, 2.0, pose, {0.5, 1.5});
+  for (int i = 0; i < 40; ++i) {
+    const double t = kInterval_s * i;
+    send(image(start + ::ros::Duration(t), seen_at(pose(t))));
+  }
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::WARN,
+                                   "max_tf_gap"));
 }
 
 }  // namespace
