@@ -135,12 +135,13 @@ void HeldVolumes::work() {
       lock.lock();
       converted_ultrasound_ = arrival.number;
       keep(std::move(entry));
-    } else if (has_pending()) {
+    } else if (waits_for_tf()) {
       wake_.wait_for(lock, kPoll);
     } else {
       wake_.wait(lock);
     }
     settle_all();
+    stillness_.judge();
     drop_old();
     lock.unlock();
     wake_.notify_all();
@@ -211,7 +212,7 @@ HeldVolumes::Entry HeldVolumes::convert(const UltrasoundArrival& arrival) const 
 
 /// Looks the volume's pose up, and those of its frames, once tf has them or no time is left.
 /// Returns whether it did.
-bool HeldVolumes::settle(Entry& entry) const {
+bool HeldVolumes::settle(Entry& entry) {
   bool is_settled = true;
   entry.refusal = refusal_of([&] {
     HeldUltrasound& us = *entry.volume;
@@ -219,6 +220,7 @@ bool HeldVolumes::settle(Entry& entry) const {
     if (!is_settled) return;
     us.pose = frame_.look_up(us.header);
     us.sweep_motion_mm = frame_.compensate(us.header, us.pose, us.frame_stamps, us.beams.beams);
+    us.still = stillness_.judgement_of(us.header, us.pose, us.tf_deadline);
   });
   if (entry.refusal) entry.volume.reset();
   return is_settled || entry.refusal;
@@ -229,9 +231,9 @@ void HeldVolumes::settle_all() {
     if (!entry.settled) entry.settled = settle(entry);
 }
 
-bool HeldVolumes::has_pending() const {
-  return std::any_of(ultrasound_.begin(), ultrasound_.end(),
-                     [](const Entry& entry) { return !entry.settled; });
+bool HeldVolumes::waits_for_tf() const {
+  return stillness_.is_waiting() || std::any_of(ultrasound_.begin(), ultrasound_.end(),
+                                                [](const Entry& entry) { return !entry.settled; });
 }
 
 void HeldVolumes::await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
@@ -304,10 +306,9 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
 
 bool HeldVolumes::require_still(const HeldUltrasound& us,
                                 const std::function<bool()>& cancelled) const {
-  while (!frame_.is_complete(us.header) && Clock::now() < us.tf_deadline) {
-    require_not(cancelled);
-    std::this_thread::sleep_for(kPoll);
-  }
+  while (us.still.wait_for(kPoll) != std::future_status::ready) require_not(cancelled);
+  if (us.still.get()) return true;
+  // tf may have come meanwhile.
   frame_.require_still(us.header, us.pose);
   return frame_.is_complete(us.header);
 }

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -17,6 +18,7 @@
 
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
+#include "ros/stillness_watch.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -51,6 +53,8 @@ struct HeldUltrasound {
   ClockEpoch epoch;
   /// Time at which waiting for tf ends.
   std::chrono::steady_clock::time_point tf_deadline;
+  /// Whether the probe stood still around the stamp (StillnessWatch).
+  std::shared_future<bool> still;
 };
 
 /// The refusal of a volume that is held.
@@ -120,8 +124,9 @@ class HeldVolumes {
                                                    const std::function<bool()>& cancelled);
 
   /// Waits until tf has reached the end of the window in which the probe must not move, or for
-  /// `tf_timeout`: a registration may begin before that, but its result must not be given out.
-  /// Returns whether tf has reached it, so that a motion would have been seen. Refuses with
+  /// `tf_timeout`: a registration may begin before that, but its result must not be given out. The
+  /// probe was judged then, and tf may have forgotten the volume's time since. Returns whether tf
+  /// has reached the end of the window, so that a motion would have been seen. Refuses with
   /// TF_JUMPED, TF_UNAVAILABLE or CANCELLED.
   bool require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
 
@@ -163,9 +168,9 @@ class HeldVolumes {
   Entry convert(const UltrasoundArrival& arrival) const;
   void keep(Entry entry);
   void drop_old();
-  bool settle(Entry& entry) const;
+  bool settle(Entry& entry);
   void settle_all();
-  bool has_pending() const;
+  bool waits_for_tf() const;
   void await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
                      const std::function<bool()>& cancelled);
   const Entry* find(const ::ros::Time& stamp) const;
@@ -173,6 +178,7 @@ class HeldVolumes {
              const std::function<bool()>& ready);
 
   const FixedFrame& frame_;
+  StillnessWatch stillness_{frame_};
   const HeldVolumesOptions options_;
   const std::function<void()> changed_;
 
