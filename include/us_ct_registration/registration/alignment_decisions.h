@@ -156,6 +156,8 @@ class AlignmentDecisions {
   /// Accepts the result with this number; 0 accepts the one that waits, and nothing else: whoever
   /// decides about the kept alignment must not accept a result that has come meanwhile.
   DecisionAnswer accept(std::uint64_t result_id, std::int64_t now_ns);
+  /// Drops what waits, by its number as in `accept`. An alignment that is suspended was accepted
+  /// before, and is given up by `revert` alone.
   DecisionAnswer reject(std::uint64_t result_id);
   /// Returns to the previous alignment, or to none. The message says what is broadcast then, or why
   /// nothing is: the previous alignment may be of another CT, and a suspension goes on.

@@ -141,6 +141,10 @@ DecisionAnswer AlignmentDecisions::wrong_id(std::uint64_t result_id,
             "no result waits for a decision" +
                 (is_kept ? "; 1 stands for " + named(*current_) : std::string())};
   }
+  // `accept` takes up a suspended alignment, so that this is a `reject`.
+  if (result_id == kKept && current_ && !suspended_because_.empty())
+    return {Code::kNothingToDecide, named(*current_) + " cannot be " + verb +
+                                        ": it was accepted, and is suspended; revert gives it up"};
   if (result_id == kKept)
     return {Code::kNothingToDecide,
             "no alignment is kept from before a restart, and none is suspended"};
@@ -162,7 +166,7 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
   }
   if (result_id == kKept && restored_waits()) return accept_restored(now_ns);
   if (current_ && !suspended_because_.empty() &&
-      (result_id == kKept || result_id == current_->result_id)) {
+      (result_id == kKept || (result_id != 0 && result_id == current_->result_id))) {
     if (is_other_than_held(current_->ct_crc32))
       return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
     suspended_because_.clear();

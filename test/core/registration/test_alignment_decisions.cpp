@@ -313,6 +313,34 @@ TEST(AlignmentDecisions, ASuspendedAlignmentComesBackOnlyByAPerson) {
   EXPECT_EQ(broadcast(decisions).result_id, 3U);
 }
 
+/// A restored alignment has no number of a result, and 0 stands for the result that waits alone.
+TEST(AlignmentDecisions, ZeroTakesUpNoSuspendedAlignmentFromBeforeARestart) {
+  AlignmentDecisions decisions(confirm());
+  decisions.restore(stored_by_another_process(), kNow);
+  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.suspend("two parents");
+  const DecisionAnswer answer = decisions.accept(0, kNow);
+  EXPECT_EQ(answer.code, Code::kNothingToDecide);
+  EXPECT_THAT(answer.message, HasSubstr("1 stands for the alignment from before the restart"));
+  EXPECT_TRUE(decisions.state().is_suspended);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
+  EXPECT_TRUE(broadcast(decisions).restored);
+}
+
+TEST(AlignmentDecisions, ASuspendedAlignmentIsNotRejectedButReverted) {
+  AlignmentDecisions decisions(automatic());
+  decisions.offer(registered(1), kNow);
+  decisions.suspend("two parents");
+  const DecisionAnswer answer = decisions.reject(kKept);
+  EXPECT_EQ(answer.code, Code::kNothingToDecide);
+  EXPECT_THAT(answer.message, HasSubstr("result 1 cannot be rejected"));
+  EXPECT_THAT(answer.message, HasSubstr("is suspended; revert gives it up"));
+  EXPECT_TRUE(decisions.state().is_suspended);
+  EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_THAT(decisions.reject(kKept).message, HasSubstr("none is suspended"));
+}
+
 TEST(AlignmentDecisions, ASuspendedAlignmentOfAnotherCtCannotBeAccepted) {
   AlignmentDecisions decisions(automatic());
   decisions.offer(registered(1), kNow);
