@@ -11,10 +11,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "ros/fixed_frame.h"
 #include "ros/held_volumes.h"
+#include "us_ct_registration/registration/alignment_decisions.h"
 
 namespace usct::ros_interface {
 
@@ -62,9 +62,6 @@ class InitialAlignments {
       const HeldCt& ct, std::uint64_t now_ms);
 
  private:
-  /// Frame and checksum tell one CT from another.
-  using CtIdentity = std::pair<std::string, std::uint32_t>;
-
   static CtIdentity identity_of(const HeldCt& ct) { return {ct.header.frame_id, ct.crc32}; }
   std::optional<InitialAlignment> accepted(const HeldUltrasound& us, const HeldCt& ct) const;
   InitialAlignment in_ultrasound(const FramedAlignment& alignment, const HeldUltrasound& us,

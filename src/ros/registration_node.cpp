@@ -254,7 +254,10 @@ std::string RegistrationNode::next_step(const Result& result) const {
 
 void RegistrationNode::announce_ct() {
   const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
-  if (!ct || (announced_ct_.revision == ct->revision && announced_ct_.crc32 == ct->crc32)) return;
+  // A ct_server that was started again counts its revisions anew, and may have another `ct_frame`.
+  if (!ct || (announced_ct_.revision == ct->revision && announced_ct_.crc32 == ct->crc32 &&
+              announced_ct_.header.frame_id == ct->header.frame_id))
+    return;
   announced_ct_.header = ct->header;
   announced_ct_.revision = ct->revision;
   announced_ct_.crc32 = ct->crc32;

@@ -230,7 +230,7 @@ void TfPublisher::take(const msg::RegistrationResult& result) {
 void TfPublisher::on_ct(CtSource source, const msg::CtInfoConstPtr& info) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::string before = decisions_.state().message;
-  decisions_.hold_ct(source, info->crc32, now_ns());
+  decisions_.hold_ct(source, {info->header.frame_id, info->crc32}, now_ns());
   const std::string now = decisions_.state().message;
   if (now != before) ROS_WARN("CT with revision %u: %s", info->revision, now.c_str());
   show();

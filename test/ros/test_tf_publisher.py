@@ -12,7 +12,7 @@ import tf2_ros
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from rosgraph_msgs.msg import Clock
-from us_ct_registration.msg import Alignment, CtInfo, StatusCode
+from us_ct_registration.msg import Alignment, StatusCode
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from node_under_test import Newest, wait_for
@@ -197,6 +197,8 @@ class TfPublisher(TfPublisherCase):
         self.alignment.wait(lambda m: "another CT" in m.message, "the other CT to be seen")
         self.assertEqual(self.decide_on_kept("accept").code, StatusCode.INVALID_REQUEST)
         self.assertIsNone(self.tf_at(rospy.Time.now()))
+        self.hold_ct(CT_CRC32, "other_frame")
+        self.alignment.wait(lambda m: "in frame 'other_frame'" in m.message, "the other frame to be seen")
         self.hold_ct(CT_CRC32)
         message = self.wait_state(Alignment.RESTORED)
         self.wait_tf(0.25)
@@ -278,10 +280,10 @@ class TfPublisher(TfPublisherCase):
         self.wait_tf(0.25)
         # Without a ct_server, only the registration knows which CT there is.
         for source in (self.info, self.registered_ct):
-            source.publish(CtInfo(crc32=OTHER_CT_CRC32))
+            source.publish(self.ct_info(OTHER_CT_CRC32))
             self.wait_state(Alignment.NONE)
             wait_for(lambda: self.tf_at(rospy.Time.now()) is None, "look-ups to fail")
-            source.publish(CtInfo(crc32=CT_CRC32))
+            source.publish(self.ct_info(CT_CRC32))
             self.wait_state(Alignment.ACCEPTED, 1)
             self.wait_tf(0.25)
 

@@ -132,8 +132,13 @@ class TfPublisherCase(unittest.TestCase):
             setattr(message, name, value)
         self.results.publish(message)
 
-    def hold_ct(self, crc32):
-        self.info.publish(CtInfo(crc32=crc32))
+    def ct_info(self, crc32, frame=None):
+        message = CtInfo(crc32=crc32)
+        message.header.frame_id = frame or self.ct
+        return message
+
+    def hold_ct(self, crc32, frame=None):
+        self.info.publish(self.ct_info(crc32, frame))
 
     def decide(self, verb, number=0):
         return call(f"{self.namespace}/registration/{verb}", Decide, self.ids.get(number, number)).status

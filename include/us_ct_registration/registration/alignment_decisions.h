@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 /// Decisions about which registration counts as the alignment of the CT with the patient: results
 /// are offered, accepted, rejected and reverted. Times are nanoseconds since 1970, of the wall
@@ -66,6 +67,9 @@ struct OfferedResult {
   std::string ask_because;
 };
 
+/// A CT's frame and the checksum of its voxels: both tell one CT from another.
+using CtIdentity = std::pair<std::string, std::uint32_t>;
+
 /// A source that shows which CT is held. The sources may disagree for a moment, or because one of
 /// them has another CT.
 enum class CtSource { kServer, kRegistration };
@@ -117,8 +121,8 @@ struct AlignmentState {
 /// change can be tried on a copy.
 ///
 /// The CT's frame has one parent only: while an alignment counts, a result with another fixed frame
-/// is refused. An alignment belongs to a CT (by the checksum of its voxels) and is not in force
-/// while any source shows another CT.
+/// is refused. An alignment belongs to a CT (by its frame and the checksum of its voxels) and
+/// is not in force while any source shows another CT, or the same one in another frame.
 class AlignmentDecisions {
  public:
   /// Number of earlier alignments to which `revert` can return.
@@ -141,8 +145,8 @@ class AlignmentDecisions {
   /// Must be called before anything else. kInvalidRequest if the fixed frame is not the one of the
   /// options, kNothingToDecide if the alignment is too old.
   DecisionAnswer restore(const StoredAlignment& stored, std::int64_t now_ns);
-  /// Sets the checksum of the CT that a source shows.
-  void hold_ct(CtSource source, std::uint32_t ct_crc32, std::int64_t now_ns);
+  /// Sets the CT that a source shows.
+  void hold_ct(CtSource source, const CtIdentity& ct, std::int64_t now_ns);
   /// Takes the alignment out of force for the reason in words, until a person accepts it again or
   /// another, or reverts to none. Results that come meanwhile wait for a person.
   void suspend(const std::string& reason) { suspended_because_ = reason; }
@@ -170,7 +174,9 @@ class AlignmentDecisions {
 
  private:
   bool restored_waits() const;
-  bool is_other_than_held(std::uint32_t ct_crc32) const;
+  /// How the alignment's CT differs from one that is held, in words that begin with "is"; empty if
+  /// it does not.
+  std::string differs_from_held(const Alignment& alignment) const;
   /// Why an alignment is too old to be restored, in words; empty if it is not.
   std::string outdated(const Alignment& alignment, std::int64_t now_ns) const;
   DecisionAnswer wrong_id(std::uint64_t result_id, const std::string& verb) const;
@@ -179,7 +185,7 @@ class AlignmentDecisions {
   DecisionAnswer accept_restored(std::int64_t now_ns);
 
   Options options_;
-  std::map<CtSource, std::uint32_t> held_cts_;
+  std::map<CtSource, CtIdentity> held_cts_;
   std::optional<Alignment> current_;
   /// Whether the alignment from before the restart counts: its CT was shown, or a person accepted.
   bool restored_counts_ = false;

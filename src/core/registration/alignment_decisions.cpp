@@ -10,9 +10,6 @@ namespace {
 
 using Code = DecisionAnswer::Code;
 
-constexpr const char* kOfAnotherCt =
-    " cannot be accepted: it is of another CT than the one that is held";
-
 std::string named(std::uint64_t result_id) { return "result " + std::to_string(result_id); }
 
 std::string named(const Alignment& alignment) {
@@ -72,9 +69,9 @@ DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored, std::i
   return {Code::kDone, "restored"};
 }
 
-void AlignmentDecisions::hold_ct(CtSource source, std::uint32_t ct_crc32, std::int64_t now_ns) {
-  held_cts_[source] = ct_crc32;
-  if (options_.restore_at_once && restored_waits() && !is_other_than_held(current_->ct_crc32) &&
+void AlignmentDecisions::hold_ct(CtSource source, const CtIdentity& ct, std::int64_t now_ns) {
+  held_cts_[source] = ct;
+  if (options_.restore_at_once && restored_waits() && differs_from_held(*current_).empty() &&
       outdated(*current_, now_ns).empty())
     restored_counts_ = true;
 }
@@ -92,8 +89,7 @@ std::string AlignmentDecisions::violation(const Alignment& alignment) const {
     return "its fixed frame is '" + alignment.fixed_frame + "', must be '" + options_.fixed_frame +
            "', as parameter fixed_frame says";
   if (alignment.ct_crc32 == 0) return "its 'ct_crc32' is 0, must be the checksum of its CT";
-  if (is_other_than_held(alignment.ct_crc32))
-    return "it is of another CT than the one that is held";
+  if (const std::string other = differs_from_held(alignment); !other.empty()) return "it " + other;
   if (current_ && !restored_waits() && alignment.fixed_frame != current_->fixed_frame)
     return "its fixed frame is '" + alignment.fixed_frame + "', but the CT hangs on '" +
            current_->fixed_frame + "' by " + named(*current_) +
@@ -167,8 +163,8 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
   if (result_id == kKept && restored_waits()) return accept_restored(now_ns);
   if (current_ && !suspended_because_.empty() &&
       (result_id == kKept || (result_id != 0 && result_id == current_->result_id))) {
-    if (is_other_than_held(current_->ct_crc32))
-      return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
+    if (const std::string other = differs_from_held(*current_); !other.empty())
+      return {Code::kInvalidRequest, named(*current_) + " cannot be accepted: it " + other};
     suspended_because_.clear();
     return {Code::kDone, named(*current_) + " is in force again"};
   }
@@ -176,8 +172,8 @@ DecisionAnswer AlignmentDecisions::accept(std::uint64_t result_id, std::int64_t 
 }
 
 DecisionAnswer AlignmentDecisions::accept_restored(std::int64_t now_ns) {
-  if (is_other_than_held(current_->ct_crc32))
-    return {Code::kInvalidRequest, named(*current_) + kOfAnotherCt};
+  if (const std::string other = differs_from_held(*current_); !other.empty())
+    return {Code::kInvalidRequest, named(*current_) + " cannot be accepted: it " + other};
   if (const std::string reason = outdated(*current_, now_ns); !reason.empty())
     return {Code::kInvalidRequest, named(*current_) + " cannot be accepted: it " + reason};
   restored_counts_ = true;
@@ -215,10 +211,14 @@ DecisionAnswer AlignmentDecisions::revert() {
   return {Code::kDone, left + state().message};
 }
 
-bool AlignmentDecisions::is_other_than_held(std::uint32_t ct_crc32) const {
+std::string AlignmentDecisions::differs_from_held(const Alignment& alignment) const {
   for (const auto& [source, held] : held_cts_)
-    if (held != ct_crc32) return true;
-  return false;
+    if (held.second != alignment.ct_crc32) return "is of another CT than the one that is held";
+  for (const auto& [source, held] : held_cts_)
+    if (held.first != alignment.ct_frame)
+      return "is of the CT in frame '" + alignment.ct_frame +
+             "', but the one that is held is in frame '" + held.first + "'";
+  return "";
 }
 
 bool AlignmentDecisions::restored_waits() const {
@@ -229,8 +229,8 @@ AlignmentState AlignmentDecisions::state() const {
   AlignmentState state;
   if (!current_) {
     state.message = "nothing is accepted";
-  } else if (is_other_than_held(current_->ct_crc32)) {
-    state.message = named(*current_) + " is of another CT than the one that is held";
+  } else if (const std::string other = differs_from_held(*current_); !other.empty()) {
+    state.message = named(*current_) + " " + other;
   } else if (!suspended_because_.empty()) {
     state.message = named(*current_) + " is suspended: " + suspended_because_;
   } else if (restored_waits()) {
@@ -243,7 +243,7 @@ AlignmentState AlignmentDecisions::state() const {
   state.waiting_id = waiting_ ? waiting_->alignment.result_id : 0;
   if (waiting_) {
     if (violation(waiting_->alignment).empty()) state.proposed = waiting_->alignment;
-  } else if (restored_waits() && !is_other_than_held(current_->ct_crc32)) {
+  } else if (restored_waits() && differs_from_held(*current_).empty()) {
     state.proposed = current_;
   }
   state.is_suspended = !suspended_because_.empty();

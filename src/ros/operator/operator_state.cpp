@@ -89,11 +89,12 @@ OperatorSubject OperatorState::subject() const {
   if (is_proposed())
     return about(PoseStanding::kWaiting, "WAITING: " + proposed_.message, proposed_);
   if (proposed_.waiting_id != 0)
-    return {PoseStanding::kNone,
-            "result " + std::to_string(proposed_.waiting_id) +
-                " waits but cannot be accepted now: another CT is held, or the CT hangs on another "
-                "fixed frame. Reject it, or revert",
-            ""};
+    return {
+        PoseStanding::kNone,
+        "result " + std::to_string(proposed_.waiting_id) +
+            " waits but cannot be accepted now: another CT is held, or the CT has another frame or "
+            "hangs on another fixed frame. Reject it, or revert",
+        ""};
   if (const msg::RegistrationResult* last = known(last_id_);
       last != nullptr && last->status.code != Code::REGISTERED) {
     const std::optional<RegistrationResult> result = core_result(*last);

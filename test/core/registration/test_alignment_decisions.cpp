@@ -13,6 +13,8 @@ using testing::HasSubstr;
 
 constexpr std::uint32_t kCt = 77;
 constexpr std::uint32_t kOtherCt = 78;
+const CtIdentity kHeld{"ct", kCt};
+const CtIdentity kOtherHeld{"ct", kOtherCt};
 constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kNow = 500 * kSecond;
 constexpr std::uint64_t kKept = AlignmentDecisions::kKept;
@@ -59,9 +61,9 @@ TEST(AlignmentDecisions, WhatWaitsIsProposedUntilItIsDecidedOrCannotBeAccepted) 
   decisions.offer(registered(1), kNow);
   ASSERT_TRUE(decisions.state().proposed);
   EXPECT_EQ(decisions.state().proposed->T_fixed_ct, registered(1).alignment.T_fixed_ct);
-  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherHeld, kNow);
   EXPECT_FALSE(decisions.state().proposed);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_TRUE(decisions.state().proposed);
   decisions.accept(1, kNow);
   EXPECT_FALSE(decisions.state().proposed);
@@ -128,7 +130,7 @@ TEST(AlignmentDecisions, WhatMustNotBeBroadcastIsRefusedByName) {
       {"'ct_crc32' is 0", [](auto& r) { r.ct_crc32 = 0; }}};
   for (const auto& [reason, damage] : cases) {
     AlignmentDecisions decisions(automatic());
-    decisions.hold_ct(CtSource::kServer, kCt, kNow);
+    decisions.hold_ct(CtSource::kServer, kHeld, kNow);
     decisions.offer(registered(1), kNow);
     OfferedResult result = registered(2);
     damage(result.alignment);
@@ -145,7 +147,7 @@ TEST(AlignmentDecisions, OnlyTheConfiguredFixedFrameIsTaken) {
               HasSubstr("fixed frame is 'base', must be 'table'"));
   EXPECT_THAT(decisions.restore(stored_by_another_process(), kNow).message,
               HasSubstr("'base', must be 'table'"));
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
 }
 
@@ -175,10 +177,10 @@ TEST(AlignmentDecisions, RevertGoesBackThroughABoundedHistory) {
 
 TEST(AlignmentDecisions, RevertSaysWhatIsInForceAfterIt) {
   AlignmentDecisions decisions(automatic());
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   decisions.offer(registered(1), kNow);
   decisions.offer(registered(2), kNow);
-  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherHeld, kNow);
   OfferedResult of_other_ct = registered(3);
   of_other_ct.alignment.ct_crc32 = kOtherCt;
   decisions.offer(of_other_ct, kNow);
@@ -188,7 +190,7 @@ TEST(AlignmentDecisions, RevertSaysWhatIsInForceAfterIt) {
   EXPECT_EQ(answer.message,
             "result 3 is given up: result 2 is of another CT than the one that is held");
   EXPECT_FALSE(decisions.state().broadcast);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_EQ(decisions.revert().message, "result 2 is given up: result 1 is broadcast");
   EXPECT_EQ(broadcast(decisions).result_id, 1U);
   EXPECT_EQ(decisions.revert().message, "result 1 is given up: nothing is accepted");
@@ -211,10 +213,10 @@ TEST(AlignmentDecisions, ARestoredAlignmentCountsOnceItsCtIsHeld) {
   AlignmentDecisions decisions(confirm());
   EXPECT_EQ(decisions.restore(stored_by_another_process(), kNow).code, Code::kDone);
   EXPECT_FALSE(decisions.state().broadcast);
-  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherHeld, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
   EXPECT_THAT(decisions.state().message, HasSubstr("another CT"));
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_TRUE(broadcast(decisions).restored);
   EXPECT_EQ(broadcast(decisions).T_fixed_ct.translation_m.x(), 2.0);
   EXPECT_EQ(broadcast(decisions).result_id, 0U);
@@ -223,7 +225,7 @@ TEST(AlignmentDecisions, ARestoredAlignmentCountsOnceItsCtIsHeld) {
 TEST(AlignmentDecisions, WithoutOptionsARestoredAlignmentWaitsForAPerson) {
   AlignmentDecisions decisions({});
   decisions.restore(stored_by_another_process(), kNow);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
   EXPECT_EQ(decisions.accept(kKept, kNow + kSecond).code, Code::kDone);
   EXPECT_TRUE(broadcast(decisions).restored);
@@ -234,7 +236,7 @@ TEST(AlignmentDecisions, WithoutOptionsARestoredAlignmentWaitsForAPerson) {
 TEST(AlignmentDecisions, WhoeverDecidesAboutTheKeptAlignmentAcceptsNoResultThatHasCome) {
   AlignmentDecisions decisions({});
   decisions.restore(stored_by_another_process(), kNow);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   const DecisionAnswer none = decisions.accept(0, kNow);
   EXPECT_EQ(none.code, Code::kNothingToDecide);
   EXPECT_THAT(none.message, HasSubstr("1 stands for"));
@@ -252,14 +254,14 @@ TEST(AlignmentDecisions, AnAlignmentThatIsTooOldIsNotRestored) {
   for (const std::int64_t start : {latest + 1, kNow - 1}) {
     AlignmentDecisions decisions(confirm());
     EXPECT_EQ(decisions.restore(stored_by_another_process(), start).code, Code::kNothingToDecide);
-    decisions.hold_ct(CtSource::kServer, kCt, start);
+    decisions.hold_ct(CtSource::kServer, kHeld, start);
     EXPECT_FALSE(decisions.state().broadcast);
     EXPECT_EQ(decisions.accept(kKept, start).code, Code::kNothingToDecide);
   }
   // It may become too old while it waits.
   AlignmentDecisions decisions(confirm());
   EXPECT_EQ(decisions.restore(stored_by_another_process(), latest).code, Code::kDone);
-  decisions.hold_ct(CtSource::kServer, kCt, latest + 1);
+  decisions.hold_ct(CtSource::kServer, kHeld, latest + 1);
   EXPECT_FALSE(decisions.state().broadcast);
   const DecisionAnswer answer = decisions.accept(kKept, latest + 1);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
@@ -270,14 +272,37 @@ TEST(AlignmentDecisions, AnAlignmentThatIsTooOldIsNotRestored) {
 TEST(AlignmentDecisions, AnySourceThatShowsAnotherCtSuspendsAnAlignment) {
   for (const CtSource source : {CtSource::kServer, CtSource::kRegistration}) {
     AlignmentDecisions decisions(automatic());
-    decisions.hold_ct(CtSource::kServer, kCt, kNow);
-    decisions.hold_ct(CtSource::kRegistration, kCt, kNow);
+    decisions.hold_ct(CtSource::kServer, kHeld, kNow);
+    decisions.hold_ct(CtSource::kRegistration, kHeld, kNow);
     decisions.offer(registered(1), kNow);
-    decisions.hold_ct(source, kOtherCt, kNow);
+    decisions.hold_ct(source, kOtherHeld, kNow);
     EXPECT_FALSE(decisions.state().broadcast);
     EXPECT_THAT(decisions.offer(registered(2), kNow).message, HasSubstr("another CT"));
-    decisions.hold_ct(source, kCt, kNow);
+    decisions.hold_ct(source, kHeld, kNow);
     EXPECT_EQ(broadcast(decisions).result_id, 1U);
+  }
+}
+
+/// A CT that was loaded again under another name of its frame: the old name would be broadcast.
+TEST(AlignmentDecisions, AnAlignmentUnderAnotherNameOfTheCtsFrameIsNotInForce) {
+  for (const CtSource source : {CtSource::kServer, CtSource::kRegistration}) {
+    AlignmentDecisions decisions(automatic());
+    decisions.restore(stored_by_another_process(), kNow);
+    decisions.hold_ct(source, {"ct_2", kCt}, kNow);
+    const AlignmentState state = decisions.state();
+    EXPECT_FALSE(state.broadcast);
+    EXPECT_FALSE(state.proposed);
+    EXPECT_EQ(state.message,
+              "the alignment from before the restart is of the CT in frame 'ct', but the one that "
+              "is held is in frame 'ct_2'");
+    const DecisionAnswer accepted = decisions.accept(kKept, kNow);
+    EXPECT_EQ(accepted.code, Code::kInvalidRequest);
+    EXPECT_THAT(accepted.message, HasSubstr("is held is in frame 'ct_2'"));
+    const DecisionAnswer offered = decisions.offer(registered(5), kNow);
+    EXPECT_EQ(offered.code, Code::kInvalidResult);
+    EXPECT_THAT(offered.message, HasSubstr("it is of the CT in frame 'ct'"));
+    decisions.hold_ct(source, kHeld, kNow);
+    EXPECT_TRUE(broadcast(decisions).restored);
   }
 }
 
@@ -317,7 +342,7 @@ TEST(AlignmentDecisions, ASuspendedAlignmentComesBackOnlyByAPerson) {
 TEST(AlignmentDecisions, ZeroTakesUpNoSuspendedAlignmentFromBeforeARestart) {
   AlignmentDecisions decisions(confirm());
   decisions.restore(stored_by_another_process(), kNow);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   decisions.suspend("two parents");
   const DecisionAnswer answer = decisions.accept(0, kNow);
   EXPECT_EQ(answer.code, Code::kNothingToDecide);
@@ -345,12 +370,12 @@ TEST(AlignmentDecisions, ASuspendedAlignmentOfAnotherCtCannotBeAccepted) {
   AlignmentDecisions decisions(automatic());
   decisions.offer(registered(1), kNow);
   decisions.suspend("two parents");
-  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherHeld, kNow);
   const DecisionAnswer answer = decisions.accept(kKept, kNow);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
   EXPECT_THAT(answer.message, HasSubstr("result 1 cannot be accepted: it is of another CT"));
   EXPECT_TRUE(decisions.state().is_suspended);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
   EXPECT_EQ(broadcast(decisions).result_id, 1U);
 }
@@ -381,7 +406,7 @@ TEST(AlignmentDecisions, ARestoredAlignmentThatNeverCountedIsNothingToGoBackToAn
 TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
   AlignmentDecisions decisions({"", true, false, 3600.0});
   decisions.restore(stored_by_another_process(), kNow);
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_FALSE(decisions.state().broadcast) << "it waits for a person";
   EXPECT_EQ(decisions.reject(kKept).code, Code::kDone);
   EXPECT_FALSE(decisions.stored().alignment);
@@ -390,13 +415,13 @@ TEST(AlignmentDecisions, ARestoredAlignmentCanBeRejected) {
 
 TEST(AlignmentDecisions, AWaitingResultIsJudgedAgainWhenItIsAccepted) {
   AlignmentDecisions decisions(confirm());
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   decisions.offer(registered(1), kNow);
-  decisions.hold_ct(CtSource::kServer, kOtherCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kOtherHeld, kNow);
   const DecisionAnswer answer = decisions.accept(1, kNow);
   EXPECT_EQ(answer.code, Code::kInvalidRequest);
   EXPECT_THAT(answer.message, HasSubstr("another CT"));
-  decisions.hold_ct(CtSource::kServer, kCt, kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_EQ(decisions.accept(1, kNow).code, Code::kDone);
 }
 
