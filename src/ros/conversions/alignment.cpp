@@ -132,7 +132,8 @@ msg::Alignment to_proposed_message(const AlignmentState& state) {
   set_alignment(*state.proposed, message);
   message.state = msg::Alignment::PROPOSED;
   message.message =
-      (state.proposed->restored ? std::string("the alignment from before the restart")
+      (state.proposed->restored ? "the alignment from before the restart (" +
+                                      std::to_string(AlignmentDecisions::kKept) + ")"
                                 : "result " + std::to_string(state.proposed->result_id)) +
       " waits for accept or reject";
   return message;

@@ -71,6 +71,22 @@ TEST(AlignmentMessages, WhatWaitsIsProposedAndNotBroadcast) {
   EXPECT_TRUE(std::isnan(none.expected_error));
 }
 
+/// In Slicer nothing but the message says by which number it is accepted.
+TEST(AlignmentMessages, WhatWaitsIsNamedWithTheNumberByWhichItIsAccepted) {
+  AlignmentDecisions earlier({"", true, false, 3600.0});
+  const msg::RegistrationResult result = registered();
+  earlier.offer(from_message(result), 500);
+  AlignmentDecisions decisions({});
+  decisions.restore(earlier.stored(), 600);
+  EXPECT_EQ(to_proposed_message(decisions.state()).message,
+            "the alignment from before the restart (1) waits for accept or reject");
+  EXPECT_TRUE(decisions.accept(1, 700).is_done());
+  msg::RegistrationResult newer = registered();
+  newer.id = 4;
+  decisions.offer(from_message(newer), 800);
+  EXPECT_EQ(to_proposed_message(decisions.state()).message, "result 4 waits for accept or reject");
+}
+
 TEST(AlignmentMessages, WhatIsNoRegistrationIsNotOffered) {
   for (const std::uint8_t code :
        {Code::FAILED, Code::OK, Code::LOW_CONFIDENCE, Code::NO_OVERLAP, Code::CANCELLED}) {
