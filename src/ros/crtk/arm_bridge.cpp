@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <type_traits>
+#include <utility>
 
 #include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
@@ -29,7 +31,7 @@ std::string listed(const std::vector<std::string>& names) {
 /// Robots send a state again that has not been measured anew.
 template <typename Track>
 bool repeats(const std_msgs::Header& header, const Track& before) {
-  return !before.empty() && before.back().first == header.stamp;
+  return !before.empty() && before.back().stamp == header.stamp;
 }
 
 std::string joint_topic(const ArmBridgeOptions& options) { return options.name + "/measured_js"; }
@@ -103,9 +105,9 @@ void ArmBridge::require_usable(const std_msgs::Header& header, const Track& befo
   require(now.isZero() || std::abs(age_s) <= options_.max_age_s, topic,
           formatted("'header.stamp' is %.3f s %s the clock, must be <= %g s (max_age)",
                     std::abs(age_s), age_s > 0.0 ? "behind" : "ahead of", options_.max_age_s));
-  require(before.empty() || before.back().first <= stamp, topic,
+  require(before.empty() || before.back().stamp <= stamp, topic,
           "'header.stamp' is " + seconds_text(stamp) + ", must not be before that of the last" +
-              (before.empty() ? "" : " message, " + seconds_text(before.back().first)));
+              (before.empty() ? "" : " message, " + seconds_text(before.back().stamp)));
 }
 
 std::optional<geometry_msgs::TransformStamped> ArmBridge::take_pose(
@@ -121,7 +123,7 @@ std::optional<geometry_msgs::TransformStamped> ArmBridge::take_pose(
           formatted("'pose.position' is %.1f m from the base, must be <= 10 m; is it in "
                     "millimetres?",
                     T.translation().norm() / kMmPerM));
-  compare(message.header.stamp, T, measured_, modelled_);
+  compare({message.header.stamp, T, {}}, measured_, modelled_);
   if (!options_.joints.empty()) return std::nullopt;
   return stamped_transform(message.header.stamp, T, options_.base, options_.tip);
 }
@@ -151,7 +153,8 @@ std::optional<sensor_msgs::JointState> ArmBridge::take_joints(
   joints.position = positions(message);
   if (repeats(message.header, modelled_)) return std::nullopt;
   if (modelled_.empty()) first_joints_ = message.header.stamp;
-  compare(message.header.stamp, model_->T_base_tip(joints.position), modelled_, measured_);
+  compare({message.header.stamp, model_->T_base_tip(joints.position), joints.position}, modelled_,
+          measured_);
   if (!options_.is_checked) return joints;
   require(contradiction_.empty(), topic, contradiction_);
   const ::ros::Time& since = agreed_.isZero() ? first_joints_ : agreed_;
@@ -164,15 +167,56 @@ std::optional<sensor_msgs::JointState> ArmBridge::take_joints(
   return joints;
 }
 
-void ArmBridge::compare(const ::ros::Time& stamp, const Isometry3d& T, Track& own,
-                        const Track& other) {
-  own.emplace_back(stamp, T);
+void ArmBridge::compare(Sample sample, Track& own, const Track& other) {
+  own.push_back(std::move(sample));
   if (own.size() > kTrackLength) own.pop_front();
-  const auto same = std::find_if(other.rbegin(), other.rend(), [&](const auto& entry) {
-    return std::abs(seconds_between(entry.first, stamp)) <= options_.pair_within_s;
-  });
-  if (same == other.rend()) return;
-  const Isometry3d difference = same->second.inverse() * T;
+  const Sample& newest = own.back();
+  if (const auto T = pose_at(other, newest.stamp))
+    return judge(newest.stamp, newest.T_base_tip, *T);
+  if (own.size() < 2) return;
+  // The newest sample may be the later neighbour of samples that were waiting for it.
+  const ::ros::Time& previous = own[own.size() - 2].stamp;
+  for (auto waiting = other.rbegin(); waiting != other.rend() && waiting->stamp > previous;
+       ++waiting)
+    if (const auto T = pose_at(own, waiting->stamp))
+      return judge(waiting->stamp, waiting->T_base_tip, *T);
+}
+
+std::optional<Isometry3d> ArmBridge::pose_at(const Track& track, const ::ros::Time& stamp) const {
+  const auto after =
+      std::lower_bound(track.begin(), track.end(), stamp,
+                       [](const Sample& sample, const auto& time) { return sample.stamp < time; });
+  if (after == track.end()) return std::nullopt;
+  if (after->stamp == stamp) return after->T_base_tip;
+  if (after == track.begin()) return std::nullopt;
+  const auto before = std::prev(after);
+  const double nearer_s =
+      std::min(seconds_between(before->stamp, stamp), seconds_between(stamp, after->stamp));
+  if (nearer_s > options_.pair_within_s) return std::nullopt;
+  return interpolated(*before, *after, stamp);
+}
+
+Isometry3d ArmBridge::interpolated(const Sample& before, const Sample& after,
+                                   const ::ros::Time& stamp) const {
+  const double share =
+      seconds_between(before.stamp, stamp) / seconds_between(before.stamp, after.stamp);
+  if (!before.joints.empty()) {
+    std::vector<double> joints = before.joints;
+    for (std::size_t i = 0; i < joints.size(); ++i)
+      joints[i] += share * (after.joints[i] - before.joints[i]);
+    return model_->T_base_tip(joints);
+  }
+  const Eigen::Quaterniond turned =
+      Eigen::Quaterniond(before.T_base_tip.linear())
+          .slerp(share, Eigen::Quaterniond(after.T_base_tip.linear()));
+  const Eigen::Vector3d moved =
+      (1.0 - share) * before.T_base_tip.translation() + share * after.T_base_tip.translation();
+  return Eigen::Translation3d(moved) * turned;
+}
+
+void ArmBridge::judge(const ::ros::Time& stamp, const Isometry3d& T_base_tip,
+                      const Isometry3d& T_base_tip_other) {
+  const Isometry3d difference = T_base_tip_other.inverse() * T_base_tip;
   const double apart_mm = difference.translation().norm();
   const double turned_deg = Eigen::AngleAxisd(difference.linear()).angle() / kDegree;
   report_.difference_mm = apart_mm;

@@ -12,7 +12,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "ros/crtk/arm_model.h"
@@ -40,7 +39,9 @@ struct ArmBridgeOptions {
   /// The largest difference with which they agree.
   double max_difference_mm = 2.0;
   double max_difference_deg = 2.0;
-  /// Messages of both kinds are compared whose stamps differ by no more than this, s.
+  /// A pose and joints are compared if their stamps are equal. Else the stamp of the one must lie
+  /// between two stamps of the other, the nearer of which differs by no more than this, s; what the
+  /// other would say is interpolated.
   double pair_within_s = 0.002;
   /// Messages with stamps further from the clock are refused, s; joints as well if the last
   /// comparison is older.
@@ -91,8 +92,14 @@ class ArmBridge {
   ArmReport report() const;
 
  private:
-  /// Poses of the tip in the base, mm, by their stamps; the newest last.
-  using Track = std::deque<std::pair<::ros::Time, Eigen::Isometry3d>>;
+  /// The pose of the tip in the base, mm, and the joints from which it was computed, if it was.
+  struct Sample {
+    ::ros::Time stamp;
+    Eigen::Isometry3d T_base_tip;
+    std::vector<double> joints;
+  };
+  /// The newest is the last.
+  using Track = std::deque<Sample>;
 
   template <typename Message, typename Taken>
   Taken counted(Taken (ArmBridge::*taker)(const Message&, const ::ros::Time&),
@@ -105,9 +112,17 @@ class ArmBridge {
   std::vector<double> positions(const sensor_msgs::JointState& message) const;
   void require_usable(const std_msgs::Header& header, const Track& before, const ::ros::Time& now,
                       const std::string& topic) const;
-  /// Adds a pose to one track and compares it with those of the other at its stamp.
-  void compare(const ::ros::Time& stamp, const Eigen::Isometry3d& T, Track& own,
-               const Track& other);
+  /// Adds a sample to one track and compares the newest sample of either for which the other is
+  /// known at its stamp. If stamps are not equal, only the later of two neighbours shows where the
+  /// arm was between them.
+  void compare(Sample sample, Track& own, const Track& other);
+  /// The pose of the tip at a stamp; empty if the track does not say.
+  std::optional<Eigen::Isometry3d> pose_at(const Track& track, const ::ros::Time& stamp) const;
+  Eigen::Isometry3d interpolated(const Sample& before, const Sample& after,
+                                 const ::ros::Time& stamp) const;
+  /// Takes up the comparison of poses of one stamp.
+  void judge(const ::ros::Time& stamp, const Eigen::Isometry3d& T_base_tip,
+             const Eigen::Isometry3d& T_base_tip_other);
   void notice_time(const ::ros::Time& now);
 
   const ArmBridgeOptions options_;

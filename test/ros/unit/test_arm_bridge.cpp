@@ -197,6 +197,86 @@ TEST_F(ArmBridgeTest, JointsThatCannotBeComparedAreRefused) {
   EXPECT_TRUE(unchecked.take(joints(99.9, q_), now_));
 }
 
+/// An arm that moves at 0.15 m/s, with a model that is `wrong_mm` off, and messages at 100 Hz whose
+/// poses have stamps `apart_s` after those of the joints and arrive `lag` messages later.
+struct MovingArm {
+  double apart_s = 0.0;
+  int lag = 0;
+  double wrong_mm = 0.0;
+  int given = 0;
+  int refused = 0;
+  double largest_mm = 0.0;
+
+  void run(ArmBridge& arm, const std::function<geometry_msgs::PoseStamped(double)>& pose,
+           const std::function<sensor_msgs::JointState(double)>& joints) {
+    constexpr double kPeriodS = 0.01;
+    constexpr int kMessages = 200;
+    for (int i = 0; i < kMessages; ++i) {
+      const double time_s = 100.0 + kPeriodS * i;
+      try {
+        if (arm.take(joints(time_s), ::ros::Time(time_s))) ++given;
+      } catch (const InputError&) {
+        ++refused;
+      }
+      if (i < lag) continue;
+      arm.take(pose(time_s - kPeriodS * lag + apart_s), ::ros::Time(time_s));
+      largest_mm = std::max(largest_mm, arm.report().difference_mm.value_or(0.0));
+    }
+  }
+};
+
+class MovingArmTest : public ArmBridgeTest {
+ protected:
+  /// `pair_within_s`: that of the arm.
+  MovingArm moved(MovingArm arm, double pair_within_s) {
+    options_.pair_within_s = pair_within_s;
+    ArmBridge bridge = of_joints();
+    arm.run(
+        bridge,
+        [&](double time_s) { return pose(time_s, T_base_tip(at(time_s), 10.2 + arm.wrong_mm)); },
+        [&](double time_s) { return joints(time_s, at(time_s)); });
+    return arm;
+  }
+
+ private:
+  /// The insertion moves at 0.15 m/s, and the roll turns.
+  std::vector<double> at(double time_s) const {
+    std::vector<double> q = q_;
+    q[2] += 0.15 * (time_s - 100.0);
+    q[3] += 0.5 * (time_s - 100.0);
+    return q;
+  }
+};
+
+TEST_F(MovingArmTest, APoseIsComparedWithTheJointsOfItsInstantHoweverLateItComes) {
+  for (const double pair_within_s : {0.0, 0.002, 0.02, 0.1})
+    for (const int lag : {0, 1, 3}) {
+      const MovingArm arm = moved({0.0, lag}, pair_within_s);
+      EXPECT_EQ(arm.refused, 0) << pair_within_s << " " << lag;
+      // Those that came before the first pose of their time give nothing.
+      EXPECT_EQ(arm.given, 200 - 1 - lag) << pair_within_s << " " << lag;
+      EXPECT_LT(arm.largest_mm, 1e-3) << pair_within_s << " " << lag;
+    }
+}
+
+TEST_F(MovingArmTest, StampsThatAreNeverEqualAreComparedByInterpolation) {
+  for (const auto& [apart_s, pair_within_s] :
+       {std::pair(0.001, 0.002), std::pair(-0.001, 0.002), std::pair(0.005, 0.01),
+        std::pair(0.005, 0.1), std::pair(0.007, 0.02), std::pair(-0.004, 0.005)}) {
+    const MovingArm right = moved({apart_s, 1}, pair_within_s);
+    EXPECT_EQ(right.refused, 0) << apart_s;
+    EXPECT_GE(right.given, 195) << apart_s;
+    EXPECT_LT(right.largest_mm, 0.01) << apart_s;
+    const MovingArm wrong = moved({apart_s, 1, 5.0}, pair_within_s);
+    EXPECT_EQ(wrong.given, 0) << apart_s;
+    EXPECT_NEAR(wrong.largest_mm, 5.0, 0.01) << apart_s;
+  }
+  // No stamps are within 1 ms of each other: after max_age, all joints are refused.
+  const MovingArm never = moved({0.005, 1}, 0.001);
+  EXPECT_EQ(never.given, 0);
+  EXPECT_EQ(never.refused, 200 - 51);
+}
+
 TEST_F(ArmBridgeTest, WrongJointsAreRefused) {
   ArmBridge arm = of_joints();
   sensor_msgs::JointState message = joints(99.9, q_);
