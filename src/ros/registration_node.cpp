@@ -72,6 +72,7 @@ RegistrationWorker::Work RegistrationNode::work() {
   RegistrationWorker::Work wired;
   wired.threads = parameters_.threads;
   if (parameters_.continuous) wired.newest = [this] { return volumes_.ready_ultrasound(); };
+  wired.is_decision_awaited = [this] { return decisions_.is_awaited(DecisionWatch::Clock::now()); };
   wired.is_ct_unprepared = [this] { return registrar_.is_ct_unprepared(); };
   wired.prepare_ct = [this](RegistrationJob& job) { registrar_.prepare_ct(job.request.cancelled); };
   wired.run = [this](RegistrationJob& job) { return run(job); };
@@ -87,7 +88,7 @@ void RegistrationNode::subscribe() {
       });
   alignment_subscriber_ = node_.subscribe<msg::Alignment>(
       "registration/alignment", 1,
-      [this](const msg::Alignment::ConstPtr& message) { alignments_.arrived(message); });
+      [this](const msg::Alignment::ConstPtr& message) { on_alignment(message); });
   register_service_ = node_.advertiseService("register", &RegistrationNode::on_register, this);
   set_service_ = node_.advertiseService("registration/set_initial_alignment",
                                         &RegistrationNode::on_set_initial_alignment, this);
@@ -108,6 +109,13 @@ void RegistrationNode::subscribe() {
       [this](const msg::PreScanVolume::ConstPtr& message) {
         volumes_.arrived(message, ::ros::Time::now());
       });
+}
+
+void RegistrationNode::on_alignment(const msg::Alignment::ConstPtr& message) {
+  alignments_.arrived(message);
+  decisions_.arrived(*message);
+  // Continuous registrations go on once a decision is taken.
+  jobs_.wake();
 }
 
 bool RegistrationNode::reserve(const std::string& name, Result& busy) {
@@ -231,7 +239,10 @@ void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& resul
 void RegistrationNode::publish(Result& result, bool continuous) {
   // The clock may have been set back.
   result.id = last_id_ = std::max(last_id_ + 1, wall_time_ms());
-  if (result.status.code == Status::REGISTERED) result.status.message += next_step(result);
+  if (result.status.code == Status::REGISTERED) {
+    result.status.message += next_step(result);
+    decisions_.offered(DecisionWatch::Clock::now());
+  }
   statistics_.count(result, continuous, ::ros::Time::now());
   ROS_INFO("result %lu, %s, ultrasound of %s s, CT revision %u, start %s, %.2f s: %s", result.id,
            code_name(result.status.code).c_str(), seconds_text(result.us_stamp).c_str(),

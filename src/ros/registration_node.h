@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <string>
 
+#include "ros/decision_watch.h"
 #include "ros/guarded_queue.h"
 #include "ros/registrar.h"
 #include "ros/registration_parameters.h"
@@ -44,6 +45,7 @@ class RegistrationNode {
   ::ros::Subscriber subscribe_ct();
   ::ros::Subscriber subscribe_ultrasound();
 
+  void on_alignment(const us_ct_registration::Alignment::ConstPtr& message);
   bool on_register(us_ct_registration::Register::Request&,
                    us_ct_registration::Register::Response& response);
   bool on_set_initial_alignment(us_ct_registration::SetInitialAlignment::Request& request,
@@ -79,6 +81,7 @@ class RegistrationNode {
   TfInput tf_input_;
   FixedFrame frame_;
   InitialAlignments alignments_;
+  DecisionWatch decisions_;
   RegistrationStatistics statistics_;
 
   RegistrationQueue jobs_;

@@ -15,6 +15,7 @@ RegistrationWorker::~RegistrationWorker() {
 
 RegistrationQueue::Job RegistrationWorker::continuous_job() {
   if (!work_.newest) return nullptr;
+  if (work_.is_decision_awaited && work_.is_decision_awaited()) return nullptr;
   const HeldVolumes::Ready ready = work_.newest();
   if (ready.number == continued_) return nullptr;
   continued_ = ready.number;

@@ -21,6 +21,9 @@ class RegistrationWorker {
     /// Returns the newest ultrasound. Each is registered once while no request waits; if the
     /// function is empty, only requests are registered.
     std::function<HeldVolumes::Ready()> newest;
+    /// Whether a person has to decide about a result: no continuous registration begins meanwhile.
+    /// May be empty. Called as `newest` is, and after the queue was woken.
+    std::function<bool()> is_decision_awaited;
     /// Whether a CT waits to be prepared, and what prepares it; the latter may end early if the job
     /// is cancelled. Both may be empty, and must not throw.
     std::function<bool()> is_ct_unprepared;

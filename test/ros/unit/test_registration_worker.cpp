@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "ros/decision_watch.h"
 #include "ros/registration_worker.h"
 
 namespace usct::ros_interface {
@@ -125,6 +126,68 @@ TEST(RegistrationWorker, ARequestCancelsAContinuousRegistration) {
   ASSERT_FALSE(queue.reserve("request"));
   cancelled.get_future().wait();
   EXPECT_EQ(put(queue, "request").get().preset, "request");
+}
+
+TEST(RegistrationWorker, BeginsNoContinuousRegistrationWhileADecisionIsAwaited) {
+  RegistrationQueue queue;
+  std::atomic<bool> is_awaited{true};
+  std::atomic<int> looks{0};
+  std::atomic<int> registered{0};
+  std::promise<void> begun;
+  RegistrationWorker::Work work = named_results();
+  work.newest = [] { return HeldVolumes::Ready{1, ::ros::Time(5.0)}; };
+  work.is_decision_awaited = [&] {
+    ++looks;
+    return is_awaited.load();
+  };
+  work.run = [&, run = work.run](RegistrationJob& job) {
+    if (job.is_background() && ++registered == 1) begun.set_value();
+    return run(job);
+  };
+  const RegistrationWorker worker(queue, work);
+  wait_for(looks, 1);
+  // Requests are run nevertheless.
+  ASSERT_FALSE(queue.reserve("request"));
+  EXPECT_EQ(put(queue, "request").get().preset, "request");
+  wait_for(looks, 2);
+  EXPECT_EQ(registered, 0);
+  is_awaited = false;
+  queue.wake();
+  begun.get_future().wait();
+}
+
+us_ct_registration::Alignment said_by_publisher(const std::string& policy, std::uint64_t waiting) {
+  us_ct_registration::Alignment message;
+  message.policy = policy;
+  message.waiting_id = waiting;
+  return message;
+}
+
+TEST(DecisionWatch, AwaitsAPersonFromThePublicationOfAResultToTheDecision) {
+  const DecisionWatch::Clock::time_point now = DecisionWatch::Clock::now();
+  DecisionWatch watch;
+  watch.offered(now);
+  EXPECT_FALSE(watch.is_awaited(now)) << "there may be no tf_publisher";
+  watch.arrived(said_by_publisher("confirm", 0));
+  EXPECT_FALSE(watch.is_awaited(now));
+  watch.offered(now);
+  EXPECT_TRUE(watch.is_awaited(now)) << "on its way";
+  EXPECT_FALSE(watch.is_awaited(now + DecisionWatch::kOnItsWay)) << "it was not taken";
+  watch.arrived(said_by_publisher("confirm", 5));
+  EXPECT_TRUE(watch.is_awaited(now + std::chrono::hours(1)));
+  watch.arrived(said_by_publisher("confirm", 0));
+  EXPECT_FALSE(watch.is_awaited(now));
+}
+
+TEST(DecisionWatch, AwaitsNobodyIfResultsAreAcceptedByThemselves) {
+  const DecisionWatch::Clock::time_point now = DecisionWatch::Clock::now();
+  DecisionWatch watch;
+  watch.arrived(said_by_publisher("auto", 0));
+  watch.offered(now);
+  EXPECT_FALSE(watch.is_awaited(now));
+  // The next result may be accepted by itself.
+  watch.arrived(said_by_publisher("auto", 5));
+  EXPECT_FALSE(watch.is_awaited(now));
 }
 
 TEST(RegistrationWorker, PreparesTheCtBeforeItRegistersContinuously) {
