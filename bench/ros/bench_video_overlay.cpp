@@ -4,6 +4,7 @@
 #include "overlay_scene.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/overlay/overlay_painter.h"
+#include "ros/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -34,9 +35,9 @@ void image_to_overlay(benchmark::State& state) {
   alignment.transform.rotation.w = 1.0;
   alignment.expected_error = 0.001;
   keeper.take_alignment(alignment);
-  tf2::BufferCore tf;
-  tf.setTransform(transform("patient", "ct"), "bench", true);
-  tf.setTransform(transform("patient", "camera"), "bench", true);
+  TfBuffer tf;
+  tf.set_transform(transform("patient", "ct"), "bench", true);
+  tf.set_transform(transform("patient", "camera"), "bench", true);
 
   const CameraIntrinsics camera = bench::full_hd(true);
   auto info = boost::make_shared<sensor_msgs::CameraInfo>();

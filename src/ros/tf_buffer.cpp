@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
 
 namespace usct::ros_interface {
@@ -45,6 +46,20 @@ std::vector<std::string> TfBuffer::with_ancestors(std::string frame,
   return frames;
 }
 
+bool TfBuffer::stood_still(const std::string& frame, const std::string& parent,
+                           const TfGap& gap) const try {
+  constexpr double kStillMm = 1.0;
+  constexpr double kStillRad = 0.01;
+  const auto at = [&](const ::ros::Time& stamp) {
+    return from_message_mm(tf_.lookupTransform(parent, frame, stamp).transform, "tf");
+  };
+  const Eigen::Isometry3d motion = at(gap.begin).inverse() * at(gap.end);
+  return motion.translation().norm() <= kStillMm &&
+         Eigen::AngleAxisd(motion.linear()).angle() <= kStillRad;
+} catch (const std::exception&) {  // an end of the gap is no longer known
+  return false;
+}
+
 /// Describes a gap in the transforms that lead from `source` to `target`; empty: there is none.
 std::string TfBuffer::gap_at(const std::string& target, const std::string& source,
                              const ::ros::Time& stamp) const {
@@ -59,7 +74,7 @@ std::string TfBuffer::gap_at(const std::string& target, const std::string& sourc
   for (const std::string& frame : frames) {
     const std::optional<TfGap> gap = gaps_.find(frame, stamp);
     std::string parent;
-    if (gap && tf_._getParent(frame, stamp, parent))
+    if (gap && tf_._getParent(frame, stamp, parent) && !stood_still(frame, parent, *gap))
       return "tf had no transform from '" + frame + "' to '" + parent + "' for " +
              seconds_text(seconds_between(gap->begin, gap->end)) + " s, from " +
              seconds_text(gap->begin) + " to " + seconds_text(gap->end) +

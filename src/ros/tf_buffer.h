@@ -24,7 +24,8 @@ constexpr double kMaxTfGap_s = 0.5;
 class TfBuffer {
  public:
   /// A transform is not known at a stamp that lies between two transforms of one of its frames with
-  /// more than `max_gap_s` between them; 0: tf2 interpolates over any time.
+  /// more than `max_gap_s` between them, unless the two are the same within 1 mm and 0.01 rad: a
+  /// frame that does not move may be sent seldom. 0: tf2 interpolates over any time.
   explicit TfBuffer(
       const ::ros::Duration& history = ::ros::Duration(tf2::BufferCore::DEFAULT_CACHE_TIME),
       double max_gap_s = 0.0);
@@ -45,6 +46,7 @@ class TfBuffer {
 
  private:
   std::vector<std::string> with_ancestors(std::string frame, const ::ros::Time& stamp) const;
+  bool stood_still(const std::string& frame, const std::string& parent, const TfGap& gap) const;
   std::string gap_at(const std::string& target, const std::string& source,
                      const ::ros::Time& stamp) const;
 

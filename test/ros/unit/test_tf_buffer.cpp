@@ -64,6 +64,16 @@ TEST(TfBuffer, APoseWithinAGapIsNotKnown) {
                          HasSubstr("101.000"), HasSubstr("105.000"), HasSubstr("max_tf_gap")));
 }
 
+/// A table or a calibration that is sent once in a second by a program that knows no static ones.
+TEST(TfBuffer, AFrameThatStandsStillMayBeSentSeldom) {
+  for (const double moved_mm : {0.0, 0.9, 1.1}) {
+    TfBuffer tf(::ros::Duration(kHistory_s), 0.5);
+    know(tf, 101.0, 5.0);
+    know(tf, 105.0, 5.0 + moved_mm);
+    EXPECT_EQ(is_known(tf, 103.0), moved_mm < 1.0) << moved_mm;
+  }
+}
+
 TEST(TfBuffer, AnyGapIsBridgedWhereThatIsAllowed) {
   for (const double max_gap_s : {0.0, 4.0}) {
     TfBuffer tf(::ros::Duration(kHistory_s), max_gap_s);
