@@ -1,6 +1,7 @@
 #include "ultrasound/frames_in_air.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "parallel.h"
 
@@ -40,13 +41,10 @@ std::vector<std::uint8_t> frames_in_air(const BeamUltrasound& ultrasound) {
       static_cast<std::ptrdiff_t>(kBrightQuantile * static_cast<double>(sorted.size() - 1));
   std::nth_element(sorted.begin(), bright, sorted.end());
   std::vector<std::uint8_t> air;
-  if (*bright <= 0.0) return air;
-  for (std::size_t i = 0; i < brightness.size(); ++i) {
-    if (brightness[i] >= kAirShare * *bright) continue;
-    air.resize(brightness.size());
-    air[i] = 1;
-  }
-  return air;
+  for (const double one : brightness)
+    air.push_back(*bright > 0.0 && one < kAirShare * *bright ? 1 : 0);
+  const bool is_usual = 2 * std::accumulate(air.begin(), air.end(), std::size_t{0}) > air.size();
+  return is_usual ? air : std::vector<std::uint8_t>{};
 }
 
 }  // namespace usct

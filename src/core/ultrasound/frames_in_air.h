@@ -9,7 +9,8 @@ namespace usct {
 
 /// For each frame, whether the probe was held in air: beyond the first quarter of the depth, which
 /// shows the probe's own reverberations there, it is darker than a fifth of what bright frames are.
-/// Empty if no frame was.
+/// Empty unless most frames were: fewer dark frames, of air or of tissue, are not the usual ones
+/// with which lines are compared.
 std::vector<std::uint8_t> frames_in_air(const BeamUltrasound& ultrasound);
 
 }  // namespace usct

@@ -198,5 +198,41 @@ TEST(Registration, ContinuousNodeletAnswersRequestsAndDiagnoses) {
   })) << newest;
 }
 
+/// The next result would take the place of the one that a person looks at.
+TEST(Registration, ContinuousNodeletBeginsNothingWhileAResultWaits) {
+  RegistrationClient client("continuous");
+  const test::RegistrationCase& images = test::patient_case();
+  const Tracking tracking(client, [](double) { return kPatientUs; });
+  ::ros::Publisher alignment =
+      client.node.advertise<msg::Alignment>("registration/alignment", 1, true);
+  const std::uint32_t crc32 = to_message(images.ct, header("ct", ::ros::Time(1.0)), 1).crc32;
+  msg::Alignment message = accepted_alignment(kPatientUs * images.T_us_ct_true, crc32);
+  message.policy = "confirm";
+  message.waiting_id = 7;
+  alignment.publish(message);
+  client.send_ct(images.ct, 1, ::ros::Time::now() - ::ros::Duration(20.0));
+  const auto send = [&] {
+    const ::ros::Time now = ::ros::Time::now();
+    client.send(seen_from(tracking.T_patient_us(now), now));
+  };
+  // A request is answered nevertheless, and ends the continuous registration that may still run.
+  const Result requested = client.call_until([&](const Result& result) {
+    if (result.status.message.find("until a person accepts it") != std::string::npos) return true;
+    send();
+    return false;
+  });
+  EXPECT_TRUE(eventually(
+      [&] { return !client.published().empty() && client.published().back().id == requested.id; }));
+  const std::size_t before = client.published().size();
+  for (int i = 0; i < 20; ++i) {
+    send();
+    ::ros::WallDuration(0.05).sleep();
+  }
+  EXPECT_EQ(client.published().size(), before);
+  message.waiting_id = 0;
+  alignment.publish(message);
+  EXPECT_TRUE(eventually([&] { return client.published().size() > before; }));
+}
+
 }  // namespace
 }  // namespace usct::ros_interface

@@ -119,7 +119,7 @@ TEST(TfBuffer, WhatArrivesLateFillsAGap) {
   know_from(tf, 101.1, 101.9, 5.0);
   know_from(tf, 102.1, 104.9, 15.0);
   for (const double known : {101.5, 102.0, 103.0, 104.95}) EXPECT_TRUE(is_known(tf, known));
-  know(tf, 98.0, 0.0);  // before the first
+  know(tf, 98.0, 10.0);  // before the first
   EXPECT_FALSE(is_known(tf, 99.0));
 }
 
