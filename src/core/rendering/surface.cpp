@@ -24,9 +24,9 @@ constexpr double kTrianglesPerVoxelFace = 2.0;
 /// grid. A grid whose mesh has about this many times the wanted triangles is a compromise.
 constexpr double kMeshedPerKept = 2.0;
 constexpr std::size_t kLeastTriangles = 1000;
-/// Of its object's volume, a surface that keeps less does not show the object.
+/// A surface that keeps less of its object's volume does not show the object.
 constexpr double kLeastShown = 0.5;
-/// What smoothing takes from a thin vessel is less than what a warning is given for.
+/// A warning is given below this share; smoothing takes less than that from a thin vessel.
 constexpr double kLeastWithoutWarning = 0.75;
 constexpr double kMostMissingAtEnd_mm = 5.0;
 
@@ -197,7 +197,7 @@ double missing_at_end_mm(const Surface& surface, const Grid& grid, const Region&
   return missing.cwiseProduct(grid.spacing_mm).maxCoeff();
 }
 
-/// What the surface of a label lacks, in words; empty if nothing that matters.
+/// Describes the part of a label that its surface lacks; empty if it is too small to matter.
 std::string loss_of(const Surface& surface, const Grid& grid, const LabelExtent& extent) {
   if (surface.triangles.empty()) return "has no surface";
   const double share =

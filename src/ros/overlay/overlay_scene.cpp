@@ -111,7 +111,7 @@ void OverlaySceneKeeper::take_pose(const geometry_msgs::PoseWithCovarianceStampe
 }
 
 void OverlaySceneKeeper::take_result(const msg::RegistrationResult& message) {
-  // Whoever cancels one knows it, and it says nothing about the alignment.
+  // A person cancelled it and knows it; the alignment is as good as before.
   if (message.status.code == msg::StatusCode::CANCELLED) return;
   const std::lock_guard lock(mutex_);
   last_refusal_ = message.status.code == msg::StatusCode::REGISTERED ? "" : message.status.message;
