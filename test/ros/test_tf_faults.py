@@ -141,7 +141,7 @@ class TfFaults(TfPublisherCase):
         tolerance_s = 0.5
         self.start("manager", num_worker_threads=2)
         manager = self.namespace + "/manager"
-        self.start("ct_server", manager=manager, data_root=self.folder.name)
+        self.start("ct_server", manager=manager, data_root=self.folder.name, ct_frame=self.ct)
         self.start("us_cloud", manager=manager, fixed_frame=self.fixed, tf_timeout=30.0)
         self.start_publisher(manager=manager, policy="auto", transform_tolerance=tolerance_s)
         with open(self.folder.name + "/ct.nrrd", "wb") as stream:
