@@ -159,9 +159,8 @@ CtServer::Loaded CtServer::read(const std::string& path, const std::string& labe
     loaded.surfaces = label_surfaces(volume, surface_triangles_);
     require_sendable(loaded.surfaces, labels);
     for (const std::string& warning :
-         {border_warning(volume, label_table_),
-          loss_warning(volume, loaded.surfaces, surface_triangles_, label_table_)})
-      if (!warning.empty()) loaded.ct.warnings.push_back(warning);
+         surface_warnings(volume, loaded.surfaces, surface_triangles_, label_table_))
+      loaded.ct.warnings.push_back(warning);
   } else if (Surface surface = iso_surface(loaded.ct.volume, surface_hu_, surface_triangles_);
              !surface.triangles.empty()) {
     loaded.surfaces[0] = std::move(surface);

@@ -6,16 +6,9 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/frame_name.h"
 
 namespace usct::ros_interface {
-namespace {
-
-/// tf2 ignores a leading slash.
-std::string without_slash(const std::string& frame) {
-  return !frame.empty() && frame.front() == '/' ? frame.substr(1) : frame;
-}
-
-}  // namespace
 
 TfBuffer::TfBuffer(const ::ros::Duration& history, double max_gap_s)
     : max_gap_s_(max_gap_s), tf_(history), gaps_(max_gap_s, history.toSec()) {}
@@ -24,7 +17,7 @@ bool TfBuffer::set_transform(const geometry_msgs::TransformStamped& transform,
                              const std::string& sender, bool is_static) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!tf_.setTransform(transform, sender, is_static)) return false;
-  if (!is_static) gaps_.heard(without_slash(transform.child_frame_id), transform.header.stamp);
+  if (!is_static) gaps_.heard(frame_name(transform.child_frame_id), transform.header.stamp);
   return true;
 }
 

@@ -2,16 +2,13 @@
 
 #include <utility>
 
+#include "ros/frame_name.h"
+
 namespace usct::ros_interface {
 namespace {
 
 /// Least number of own transforms that are remembered: some seconds at the highest rate.
 constexpr std::size_t kRemembered = 4096;
-
-/// tf takes a name with and without a leading slash for the same frame.
-std::string frame_name(const std::string& name) {
-  return !name.empty() && name.front() == '/' ? name.substr(1) : name;
-}
 
 }  // namespace
 

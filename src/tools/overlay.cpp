@@ -52,9 +52,7 @@ std::vector<OverlayStructure> structures_of(const OverlayCommand& command) {
   std::vector<OverlayStructure> structures;
   const auto labels = read_volume<std::uint16_t>(command.labels);
   const auto surfaces = label_surfaces(labels, command.triangles);
-  for (const std::string& warning :
-       {border_warning(labels, table), loss_warning(labels, surfaces, command.triangles, table)})
-    if (!warning.empty()) std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
+  print_warnings(surface_warnings(labels, surfaces, command.triangles, table));
   for (const auto& [label, surface] : surfaces) {
     OverlayStructure one;
     one.surface = std::make_shared<const Surface>(surface);

@@ -60,9 +60,7 @@ void write_labels(const SurfacesCommand& command) {
       command.label_table.empty() ? LabelTable{} : read_label_table(command.label_table);
   const auto labels = read_volume<std::uint16_t>(command.labels);
   const auto surfaces = label_surfaces(labels, command.triangles);
-  for (const std::string& warning :
-       {border_warning(labels, table), loss_warning(labels, surfaces, command.triangles, table)})
-    if (!warning.empty()) std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
+  print_warnings(surface_warnings(labels, surfaces, command.triangles, table));
   if (surfaces.empty()) throw InputError(command.labels, "has no voxel with a label");
   for (const auto& [label, surface] : surfaces) {
     if (surface.triangles.empty()) continue;

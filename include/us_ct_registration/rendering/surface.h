@@ -40,6 +40,11 @@ std::string loss_warning(const LabelVolume& labels, const std::map<int, Surface>
 /// on beyond it, and its surface ends in a plane there. Empty if there are none.
 std::string border_warning(const LabelVolume& labels, const LabelTable& table);
 
+/// Both sentences, as far as there are any.
+std::vector<std::string> surface_warnings(const LabelVolume& labels,
+                                          const std::map<int, Surface>& surfaces,
+                                          std::size_t most_triangles, const LabelTable& table);
+
 /// The surface of the voxels of the CT above `hu`, made in the same way, but smoothed only if it is
 /// decimated.
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles);

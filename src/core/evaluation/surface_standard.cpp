@@ -40,6 +40,15 @@ registration::Spread checked_spread(const Points& points_mm, const std::string& 
   return registration::spread_of(points_mm, kLeastRatio, source);
 }
 
+/// The pose T_us_ct that brings the centroids and these axes together.
+Isometry3d aligned(const registration::Spread& us, const Matrix3d& axes_us,
+                   const registration::Spread& ct, const Matrix3d& axes_ct) {
+  Isometry3d T = Isometry3d::Identity();
+  T.linear() = axes_us * axes_ct.transpose();
+  T.translation() = us.centroid_mm - T.linear() * ct.centroid_mm;
+  return T;
+}
+
 double least_ratio(const Vector3d& deviations_mm) {
   return std::min(deviations_mm[1] / deviations_mm[0], deviations_mm[2] / deviations_mm[1]);
 }
@@ -68,9 +77,7 @@ SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surf
   standard.deviations_ct_mm = ct.deviations_mm;
   const Vector3d signs[] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
   for (std::size_t i = 0; i < standard.alignments.size(); ++i) {
-    Isometry3d T = Isometry3d::Identity();
-    T.linear() = axes_us * signs[i].asDiagonal() * axes_ct.transpose();
-    T.translation() = us.centroid_mm - T.linear() * ct.centroid_mm;
+    const Isometry3d T = aligned(us, axes_us * signs[i].asDiagonal(), ct, axes_ct);
     const double square = 0.5 * (mean_square_mm2(surface_ct_mm, T, nearest_us) +
                                  mean_square_mm2(surface_us_mm, T.inverse(), nearest_ct));
     standard.alignments[i] = {T, std::sqrt(square)};
@@ -96,10 +103,7 @@ std::vector<Isometry3d> axis_alignments(const Points& surface_us_mm, const Point
         axes.col(axis) = axes_us.col(order[static_cast<std::size_t>(axis)]) *
                          ((signs >> axis & 1) != 0 ? -1.0 : 1.0);
       if (axes.determinant() < 0.0) continue;
-      Isometry3d T = Isometry3d::Identity();
-      T.linear() = axes * axes_ct.transpose();
-      T.translation() = us.centroid_mm - T.linear() * ct.centroid_mm;
-      alignments.push_back(T);
+      alignments.push_back(aligned(us, axes, ct, axes_ct));
     }
   } while (std::next_permutation(order.begin(), order.end()));
   return alignments;

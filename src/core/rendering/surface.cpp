@@ -242,6 +242,16 @@ std::string border_warning(const LabelVolume& labels, const LabelTable& table) {
   return cut.empty() ? cut : "the label map ends inside " + cut + ": surfaces end there in planes";
 }
 
+std::vector<std::string> surface_warnings(const LabelVolume& labels,
+                                          const std::map<int, Surface>& surfaces,
+                                          std::size_t most_triangles, const LabelTable& table) {
+  std::vector<std::string> warnings;
+  for (const std::string& warning :
+       {border_warning(labels, table), loss_warning(labels, surfaces, most_triangles, table)})
+    if (!warning.empty()) warnings.push_back(warning);
+  return warnings;
+}
+
 Surface iso_surface(const CtVolume& ct, double hu, std::size_t most_triangles) {
   constexpr float kAirHu = -1024.0F;
   const auto iso = static_cast<float>(hu);
