@@ -18,9 +18,13 @@ struct ScanConverted {
   MaskVolume mask;
 };
 
-/// The smallest axis-aligned isotropic grid, in the US frame, that covers all beams and the half
-/// sample, half line and half frame around them that scan conversion fills (a tracked sweep has no
-/// half frames). Throws InputError if the geometry or spacing is invalid.
+/// The box along the axes of the US frame, mm, that holds all beams and the half sample, half line
+/// and half frame around them that scan conversion fills (a tracked sweep has no half frames).
+/// Throws InputError if the geometry is invalid.
+Eigen::AlignedBox3d field_of_view(const ScanGeometry& geometry);
+
+/// The smallest isotropic grid that covers the field of view. Throws InputError if the geometry or
+/// spacing is invalid.
 Grid fan_grid(const ScanGeometry& geometry, double spacing_mm);
 
 /// Scan conversion of a motorised sweep (thesis 4.2): every voxel is mapped back to (sample, line,

@@ -5,6 +5,7 @@
 #include "registration/verdict.h"
 #include "similarity/sweep_motion.h"
 #include "ultrasound/resting_frames.h"
+#include "ultrasound/stray_frames.h"
 
 namespace usct::registration {
 namespace {
@@ -87,6 +88,21 @@ Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, 
   return *found;
 }
 
+/// The registration of the frames whose poses can be right.
+Outcome<Registration> registered_on_path(const RegistrationInput& input, const Lead* lead,
+                                         Run& run) {
+  input.ultrasound.validate();
+  input.ultrasound.beams.validate();
+  const std::vector<int> stray = stray_frames(input.ultrasound.beams);
+  if (stray.empty()) return registered_on_shown_sweep(input, lead, run);
+  const BeamUltrasound on_path = without_frames(input.ultrasound, stray);
+  Outcome<Registration> found = registered_on_shown_sweep(
+      {on_path, input.ct, input.T_us_ct_initial, input.options}, lead, run);
+  if (!found) return found.refusal();
+  tell_stray_frames(stray, input.ultrasound.beams.frames, found->result);
+  return found;
+}
+
 }  // namespace
 
 Registration run_pipeline(const RegistrationInput& input, const RegistrationHooks& hooks,
@@ -94,7 +110,7 @@ Registration run_pipeline(const RegistrationInput& input, const RegistrationHook
   Run run(hooks);
   Registration ended;
   try {
-    Outcome<Registration> outcome = registered_on_shown_sweep(input, lead, run);
+    Outcome<Registration> outcome = registered_on_path(input, lead, run);
     run.begin_part(0.0, 1.0);
     if (outcome) run.report(1.0);
     ended = outcome ? std::move(*outcome) : Registration{result_of(outcome.refusal()), {}};

@@ -6,6 +6,7 @@
 
 #include "registration/evidence/acquisition_check.h"
 #include "registration/evidence/decoys.h"
+#include "ultrasound/stray_frames.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct::registration {
@@ -172,6 +173,11 @@ void tell_corrected_sweep(const AcquisitionErrors& errors, RegistrationResult& r
   measures.sweep_error = errors.sweep + measures.sweep_error.value_or(0.0);
   measures.sweep_unevenness = errors.unevenness + measures.sweep_unevenness.value_or(0.0);
   result.message += "; the frames were taken to lie " + sweep_words(errors);
+}
+
+void tell_stray_frames(const std::vector<int>& frames, int of_frames, RegistrationResult& result) {
+  if (frames.empty()) return;
+  result.message += "; " + stray_words(frames, of_frames) + ": they were left out";
 }
 
 RegistrationResult result_of(const Refusal& refusal) {

@@ -1,9 +1,21 @@
 #include "ultrasound/probe_path.h"
 
+#include <algorithm>
+
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct {
+
+double farthest_apart_mm(const BeamGrid& beams, int frame_a, int frame_b) {
+  double most_mm = 0.0;
+  for (const int line : {0, beams.lines / 2, beams.lines - 1})
+    for (const int sample : {0, beams.samples() - 1})
+      most_mm = std::max(
+          most_mm,
+          (beams.point(frame_a, line, sample) - beams.point(frame_b, line, sample)).norm());
+  return most_mm;
+}
 
 void require_no_jump(const BeamGrid& beams, const std::string& source) {
   if (!beams.tracked) return;

@@ -24,6 +24,10 @@ inline Eigen::Vector3d middle_of_field_mm(const AxialSampling& axial, const Arra
   return line.origin_mm + axial.depth_mm(0.5 * (axial.samples - 1)) * line.direction;
 }
 
+/// How far corners of the field of view, and ends of its middle line, lie apart in two frames at
+/// most, mm.
+double farthest_apart_mm(const BeamGrid& beams, int frame_a, int frame_b);
+
 /// Throws InputError, naming `source`, if the middle of the field of view of a tracked sweep moves
 /// by more than kJumpMm from one frame to the next.
 void require_no_jump(const BeamGrid& beams, const std::string& source);

@@ -7,26 +7,16 @@
 #include <vector>
 
 #include "parallel.h"
+#include "ultrasound/probe_path.h"
 
 namespace usct {
 namespace {
-
-/// How far a corner of the field of view, or an end of the middle line, lies apart in two frames.
-double apart_mm(const BeamGrid& beams, int frame_a, int frame_b) {
-  double most_mm = 0.0;
-  for (const int line : {0, beams.lines / 2, beams.lines - 1})
-    for (const int sample : {0, beams.samples() - 1})
-      most_mm = std::max(
-          most_mm,
-          (beams.point(frame_a, line, sample) - beams.point(frame_b, line, sample)).norm());
-  return most_mm;
-}
 
 /// The first frames of the groups, and the number of frames at the end.
 std::vector<int> groups_of(const BeamGrid& beams) {
   std::vector<int> first{0};
   for (int frame = 1; frame < beams.frames; ++frame)
-    if (apart_mm(beams, first.back(), frame) >= kRestMm) first.push_back(frame);
+    if (farthest_apart_mm(beams, first.back(), frame) >= kRestMm) first.push_back(frame);
   first.push_back(beams.frames);
   return first;
 }

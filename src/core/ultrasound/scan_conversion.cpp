@@ -132,7 +132,7 @@ class SlabConverter {
 
 }  // namespace
 
-Grid fan_grid(const ScanGeometry& geometry, double spacing_mm) {
+Eigen::AlignedBox3d field_of_view(const ScanGeometry& geometry) {
   geometry.validate("geometry");
   const std::vector<double> lines = bounding_indices(line_table(geometry.array));
   std::vector<double> frames;
@@ -145,6 +145,11 @@ Grid fan_grid(const ScanGeometry& geometry, double spacing_mm) {
     for (const double line : lines)
       for (const double sample : {-0.5, geometry.samples() - 0.5})
         box.extend(us_from_scan(geometry, {sample, line, frame}));
+  return box;
+}
+
+Grid fan_grid(const ScanGeometry& geometry, double spacing_mm) {
+  const Eigen::AlignedBox3d box = field_of_view(geometry);
   return grid_around_box(box.min(), box.max(), spacing_mm);
 }
 

@@ -4,6 +4,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "core/io/bad_files.h"
 #include "core/io/replaced.h"
@@ -317,10 +318,27 @@ TEST(PreScanNrrd, RefusesBrokenFiles) {
                                     ".nrrd");
 }
 
-TEST(PreScanNrrd, AnAbsurdFieldOfViewNamesTheFile) {
+/// Whoever asks what is wrong with a file needs to see it.
+TEST(PreScanNrrd, AnAbsurdFieldOfViewIsShown) {
   const TemporaryFolder folder;
   const auto path = spit(folder.path() / "us.nrrd", replaced(motorised_file(), "0.308", "1e9"));
-  expect_input_error([&] { describe_prescan_nrrd(path); }, {"us.nrrd", "field_of_view_mm"});
+  const auto json = nlohmann::json::parse(describe_prescan_nrrd(path));
+  EXPECT_GT(json["field_of_view_mm"][1].get<double>(), 1e9) << json;
+}
+
+TEST(PreScanNrrd, FramesOffThePathAreNamed) {
+  PreScanVolume volume;
+  volume.geometry.axial = {4, 3.0, 1.5};
+  volume.geometry.array = LinearArray{{-1.0, 0.0, 1.0}};
+  TrackedSweep sweep;
+  for (int frame = 0; frame < 40; ++frame)
+    sweep.T_us_frame.emplace_back(Eigen::Translation3d(frame == 7 ? 300.0 : 0.0, 0.0, frame));
+  volume.geometry.motion = sweep;
+  volume.voxels.resize(4 * 3 * 40);
+  const TemporaryFolder folder;
+  write_prescan_nrrd(volume, folder.path() / "us.nrrd");
+  const std::string described = describe_prescan_nrrd(folder.path() / "us.nrrd");
+  EXPECT_NE(described.find("poses of 1 of 40 frames, frame 7 first"), std::string::npos);
 }
 
 TEST(PreScanNrrd, LeavesNoFileBehindWhenTheVolumeIsInvalid) {

@@ -251,15 +251,15 @@ TEST(Refusals, InvalidOptions) {
                {"confidence.gates", "'min_overlap' is nan"});
 }
 
-/// One wrong pose had made the lattice of the matched blocks larger than memory, or than an int.
+/// A wrong pose had made the lattice of the matched blocks larger than memory, or than an int.
 TEST(Refusals, ATrackedSweepThatJumpsIsNamed) {
   for (const double off_mm : {1e3, 1e5}) {
     RegistrationCase images = patient_case();
     BeamGrid& beams = images.us.beams;
-    for (int line = 0; line < beams.lines; ++line)
-      beams.beams[static_cast<std::size_t>(3 * beams.lines + line)].origin_mm.x() += off_mm;
+    for (int beam = 0; beam < 5 * beams.lines; ++beam)
+      beams.beams[static_cast<std::size_t>(beam)].origin_mm.x() += off_mm;
     expect_input_error([&] { registered(images, nearby(images)); },
-                       {"ultrasound: frames 2 and 3 lie", "at most 200 mm", "pose"});
+                       {"ultrasound: frames 4 and 5 lie", "at most 200 mm", "pose"});
   }
 }
 

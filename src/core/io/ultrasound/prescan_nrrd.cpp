@@ -10,6 +10,7 @@
 #include "io/ultrasound/prescan_nrrd_format.h"
 #include "io/utc_time.h"
 #include "ultrasound/probe_path.h"
+#include "ultrasound/stray_frames.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -101,16 +102,14 @@ std::string describe_prescan_nrrd(const std::filesystem::path& path) {
     io::describe_motor(*sweep, json);
   else
     describe_tracking(geometry, std::get<TrackedSweep>(geometry.motion), json);
-  try {
-    json["field_of_view_mm"] = io::list(fan_grid(geometry, 1.0).size.cast<double>());
-  } catch (const InputError& error) {  // it knows no file
-    throw InputError(path.string(), "'field_of_view_mm': " + error.violation());
-  }
+  json["field_of_view_mm"] = io::list(field_of_view(geometry).sizes().array().round().matrix());
   if (!volume.acquisition_time.empty()) json["acquisition_time"] = volume.acquisition_time;
   json["warnings"] = io::Json::array();
   io::describe_brightness(volume.voxels, json);
   warn_of_duplicates(volume, json);
-  if (json.value("largest_step_of_the_middle_mm", 0.0) > kHoleMm)
+  if (const std::vector<int> stray = stray_frames(beam_grid(geometry)); !stray.empty())
+    json["warnings"].push_back(stray_words(stray, geometry.frames()));
+  else if (json.value("largest_step_of_the_middle_mm", 0.0) > kHoleMm)
     json["warnings"].push_back("frames that follow each other lie more than " +
                                formatted("%g", kHoleMm) + " mm apart: " + kWhyHoles);
   return io::as_text(json);

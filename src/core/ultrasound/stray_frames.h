@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "us_ct_registration/ultrasound/beam_ultrasound.h"
+
+namespace usct {
+
+/// A frame that lies farther than this from frames beside it is off the probe's path, mm. Frames
+/// that lie nearer do no harm that can be measured.
+constexpr double kStrayMm = 20.0;
+/// Where a larger share of the frames is off the path, the frames follow no path.
+constexpr double kMostStrayShare = 0.1;
+
+/// The frames of a tracked sweep whose poses cannot be right, in ascending order: each has a corner
+/// of the field of view farther than kStrayMm from where most of the three frames before it and the
+/// three after it have theirs. A tracker gives such poses for an instant, from a reflection or a
+/// marker that is half hidden. A jump after which the probe goes on elsewhere is none.
+///
+/// None if more than kMostStrayShare of the frames lie so, as where their order is not that of a
+/// path, or if the sweep is that of a motor. The beams must be valid.
+std::vector<int> stray_frames(const BeamGrid& beams);
+
+/// Says how many of a sweep's frames are stray, which comes first, and why, for messages.
+std::string stray_words(const std::vector<int>& stray, int frames);
+
+/// The ultrasound without these frames, which must be in ascending order and not all frames.
+BeamUltrasound without_frames(const BeamUltrasound& ultrasound, const std::vector<int>& frames);
+
+}  // namespace usct
