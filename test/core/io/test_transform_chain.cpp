@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "core/io/bad_files.h"
 #include "core/io/igsio_text.h"
 #include "test_data.h"
@@ -30,6 +32,27 @@ TEST(TransformChain, GoesForwardsAndBackwardsThroughTheCalibration) {
   EXPECT_LT((back * T).matrix().isIdentity(1e-12) ? 0.0 : 1.0, 0.5);
   EXPECT_TRUE(
       transform_chain(frame, calibration, "Probe", "Probe", "frame 0").matrix().isIdentity());
+}
+
+IgsioTransform along_x(double mm) {
+  return {Eigen::Affine3d(Eigen::Translation3d(mm, 0, 0)), "OK"};
+}
+
+/// A new calibration of 105 mm; the frames hold the old one, of 5 mm.
+TEST(TransformChain, ACalibrationTakesThePlaceOfTheFramesOwn) {
+  const std::vector<IgsioTransforms> calibrations{
+      {{"ImageToProbe", along_x(105)}},
+      {{"ProbeToImage", along_x(-105)}},
+      {{"ImageToTransducerOrigin", along_x(100)}, {"TransducerOriginToProbe", along_x(5)}}};
+  for (const auto& [name, old_mm] :
+       std::map<std::string, double>{{"ImageToProbe", 5}, {"ProbeToImage", -5}}) {
+    IgsioFrame frame;
+    frame.transforms = {{name, along_x(old_mm)}, {"ProbeToTracker", along_x(1000)}};
+    for (const IgsioTransforms& calibration : calibrations)
+      EXPECT_DOUBLE_EQ(
+          transform_chain(frame, calibration, "Image", "Tracker", "f").translation().x(), 1105.0);
+    EXPECT_DOUBLE_EQ(transform_chain(frame, {}, "Image", "Tracker", "f").translation().x(), 1005.0);
+  }
 }
 
 TEST(TransformChain, NamesTheLinkThatIsInvalidOrMissing) {

@@ -57,8 +57,9 @@ class UltrasoundSourceTest : public testing::Test {
   }
 
   /// The same with a further, constant transform in the calibration.
-  UltrasoundSource with_constant(const std::string& from, const std::string& to) const {
-    UltrasoundSource source = source_of(b_mode_sweep());
+  UltrasoundSource with_constant(const std::string& from, const std::string& to,
+                                 const IgsioSequence& sequence = b_mode_sweep()) const {
+    UltrasoundSource source = source_of(sequence);
     std::ofstream(source.calibration)
         << "<PlusConfiguration><CoordinateDefinitions><Transform From=\"Image\" To=\"Probe\" "
            "Matrix=\"0.5 0 0 -15  0 0.5 0 0  0 0 1 0  0 0 0 1\"/><Transform From=\""
@@ -114,8 +115,13 @@ TEST_F(UltrasoundSourceTest, ACalibrationDoesNotReplaceTrackedPoses) {
   expect_input_error([&] { read_ultrasound(with_constant("Probe", "Reference")); },
                      {"calibration.xml", "'ProbeToReference'", "sweep.igs.mha", "changes"});
   expect_input_error([&] { read_ultrasound(with_constant("Reference", "Probe")); },
-                     {"calibration.xml", "'ReferenceToProbe'", "'ProbeToReference'"});
-  expect_input_error([&] { read_ultrasound(with_constant("Image", "Reference")); },
+                     {"calibration.xml", "'ProbeToReference'", "sweep.igs.mha", "changes"});
+  IgsioSequence by_tracker = b_mode_sweep();
+  for (IgsioFrame& frame : by_tracker.frames) {
+    frame.transforms["ProbeToTracker"] = frame.transforms.at("ProbeToReference");
+    frame.transforms.erase("ProbeToReference");
+  }
+  expect_input_error([&] { read_ultrasound(with_constant("Image", "Reference", by_tracker)); },
                      {"calibration.xml", "'Image' to 'Reference'", "one place"});
   EXPECT_NO_THROW(read_ultrasound(with_constant("Reference", "Room")));
 }

@@ -86,7 +86,7 @@ void write_igsio(const IgsioSequence& sequence, const std::filesystem::path& pat
 IgsioTransforms read_plus_calibration(const std::filesystem::path& path);
 
 /// T_to_from, through the frame's transforms and the `calibration`, forwards or backwards, by the
-/// fewest links. A calibration takes precedence over a transform of the same name in the frame.
+/// fewest links. Transforms of the frame whose place the calibration takes are not among them.
 ///
 /// Throws InputError, naming `source`, if no valid links connect the two. The message names links
 /// that would connect them if they were valid, or else the frames to which `from` is connected.
@@ -98,8 +98,9 @@ Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& 
 bool is_connected(const IgsioTransforms& transforms, const std::string& from,
                   const std::string& to);
 
-/// Whether two transforms are named for opposite directions: "ProbeToTracker", "TrackerToProbe".
-bool is_inverse_name(const std::string& one, const std::string& other);
+/// Whether the calibration takes the place of a transform of this name: it leads from one of its
+/// ends to the other, by itself.
+bool takes_place_of(const IgsioTransforms& calibration, const std::string& name);
 
 /// One frame with its axes in another order: `orientation` is any of MF, UF, MN, UN, FM, FU, NM,
 /// NU.

@@ -54,11 +54,10 @@ void require_tracked_poses(const IgsioSequence& sequence, const UltrasoundSource
   const std::set<std::string> tracked = tracked_names(sequence);
   if (tracked.empty()) return;
   const std::string file = source.calibration.string();
-  for (const auto& [name, ignored] : calibration)
-    for (const std::string& one : tracked)
-      if (one == name || is_inverse_name(one, name))
-        throw InputError(file, "the transform '" + name + "' would replace '" + one + "' of '" +
-                                   source.path.string() + "', which changes from frame to frame");
+  for (const std::string& one : tracked)
+    if (takes_place_of(calibration, one))
+      throw InputError(file, "its transforms would replace '" + one + "' of '" +
+                                 source.path.string() + "', which changes from frame to frame");
   if (from != source.to && is_connected(calibration, from, source.to))
     throw InputError(file, "its transforms alone lead from '" + from + "' to '" + source.to +
                                "', so that all frames of '" + source.path.string() +

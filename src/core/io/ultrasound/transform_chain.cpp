@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <deque>
 #include <set>
 #include <string_view>
@@ -104,17 +105,18 @@ bool is_connected(const IgsioTransforms& transforms, const std::string& from,
   return reached.count(to) != 0;
 }
 
-bool is_inverse_name(const std::string& one, const std::string& other) {
-  for (const auto& [from, to] : ends_of(one))
-    if (other == to + "To" + from) return true;
-  return false;
+bool takes_place_of(const IgsioTransforms& calibration, const std::string& name) {
+  const std::vector<Ends> ends = ends_of(name);
+  return std::any_of(ends.begin(), ends.end(),
+                     [&](const Ends& of) { return is_connected(calibration, of.from, of.to); });
 }
 
 Eigen::Affine3d transform_chain(const IgsioFrame& frame, const IgsioTransforms& calibration,
                                 const std::string& from, const std::string& to,
                                 const std::string& source) {
   IgsioTransforms transforms = calibration;
-  transforms.insert(frame.transforms.begin(), frame.transforms.end());
+  for (const auto& named : frame.transforms)
+    if (!takes_place_of(calibration, named.first)) transforms.insert(named);
   const std::vector<Link> links = links_of(transforms);
   std::set<std::string> reached;
   const std::vector<const Link*> path = shortest_path(links, from, to, true, reached);
