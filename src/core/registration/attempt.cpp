@@ -219,8 +219,11 @@ Outcome<Registration> Attempt::search() {
     refused.insert(refused.end(), {T_best, optima.front().T_us_ct});
     run_.report(0.2 + 0.8 * (round + 1) / rounds);
     if (!best->failure) return ended(assessor, optima, *best);
-    if (is_last || !may_be_missed(best->assessment.measures))
+    if (is_last || !may_be_missed(best->assessment.measures)) {
+      // The climbs have missed a nearly symmetric kidney that they found in mirrored ultrasound.
+      if (round == 0 && fits_mirrored(best->assessment.measures)) matched = by_blocks();
       return likelier(ended(assessor, optima, *best), std::move(matched));
+    }
   }
 }
 

@@ -8,6 +8,7 @@ namespace {
 
 using registration::Assessment;
 using registration::Candidate;
+using registration::fits_mirrored;
 using registration::may_be_missed;
 using registration::Refusal;
 using registration::result_of;
@@ -209,6 +210,14 @@ TEST(Verdict, AStepThatCannotGoOnGivesItsStatusAndMessage) {
   EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
   EXPECT_EQ(result.message, "the CT is elsewhere");
   EXPECT_FALSE(result.T_us_ct);
+}
+
+TEST(FitsMirrored, WhereItDoesSoFarBetterAndSurely) {
+  EXPECT_TRUE(fits_mirrored(mirrored(Mirror::kLines, 0.5, -4.5).measures));
+  EXPECT_FALSE(fits_mirrored(mirrored(Mirror::kLines, 0.7, -4.5).measures));
+  EXPECT_FALSE(fits_mirrored(mirrored(Mirror::kLines, 0.5, -3.5).measures));
+  EXPECT_FALSE(fits_mirrored(strong().measures));
+  EXPECT_FALSE(fits_mirrored({}));
 }
 
 /// Another round is of use only where the pose is no better than chance, or no firmer than a wrong

@@ -19,12 +19,16 @@ bool is_beyond_doubt(const Measures& measures, double limit) {
          mirror && *mirror >= kLeastMirrorRatio;
 }
 
-bool may_be_missed(const Measures& measures) {
-  if (!right_probability(measures)) return true;
+bool fits_mirrored(const Measures& measures) {
   constexpr double kMirrorFound = 0.6;
   constexpr double kMirrorSure = -4.0;
-  if (*measures.mirror_ratio < kMirrorFound && *measures.mirror_advantage < kMirrorSure)
-    return false;
+  return right_probability(measures) && *measures.mirror_ratio < kMirrorFound &&
+         *measures.mirror_advantage < kMirrorSure;
+}
+
+bool may_be_missed(const Measures& measures) {
+  if (!right_probability(measures)) return true;
+  if (fits_mirrored(measures)) return false;
   // Mirror images say whether a pose should be believed. They do not say whether a better pose
   // exists, so they do not count here.
   Measures firm = measures;

@@ -14,9 +14,13 @@ namespace usct::registration {
 /// better than its mirror images.
 bool is_beyond_doubt(const Measures& measures, double limit);
 
+/// Whether mirrored ultrasound fits so much better than the pose that one of both is right: more
+/// climbs would find the same. The ultrasound is mirrored, or, rarely, a nearly symmetric kidney
+/// was missed.
+bool fits_mirrored(const Measures& measures);
+
 /// Whether another round of the search could find the right pose: the one that was found is no
-/// better than chance, or no firmer than a wrong one. Not if mirrored ultrasound fits so much
-/// better that it is the right one.
+/// better than chance, or no firmer than a wrong one. Not if it fits mirrored.
 bool may_be_missed(const Measures& measures);
 
 /// Whether a pose that is refused may lie near the right one: no mirror image of the ultrasound
