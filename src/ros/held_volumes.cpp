@@ -15,8 +15,6 @@ namespace msg = us_ct_registration;
 using Status = msg::StatusCode;
 
 constexpr std::chrono::milliseconds kPoll(5);
-/// Far longer than a network takes for a volume.
-constexpr std::chrono::seconds kLongestOnItsWay(2);
 
 /// The conversions do not check headers.
 void require_header(const std_msgs::Header& header, const ::ros::Time& now,
@@ -75,8 +73,7 @@ void HeldVolumes::set_time(const ::ros::Time& now) {
     epoch_ = {epoch_.number + 1, now};
     last_now_ = now;
     // Stamps from before the jump are not comparable with those that follow.
-    last_ultrasound_stamp_ = ::ros::Time();
-    announced_.reset();
+    acquisitions_.forget();
   }
   last_now_ = std::max(last_now_, now);
 }
@@ -99,22 +96,18 @@ void HeldVolumes::arrived(const msg::PreScanVolume::ConstPtr& message, const ::r
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
   ultrasound_arrivals_.push_back({message, now, epoch_, ++arrived_ultrasound_});
-  last_ultrasound_stamp_ = message->header.stamp;
-  if (announced_ &&
-      (announced_->stamp <= last_ultrasound_stamp_ || Clock::now() > announced_->deadline))
-    announced_.reset();
+  acquisitions_.arrived(message->header.stamp, Clock::now());
   // Volumes that would be dropped right after their conversion are not converted.
   while (ultrasound_arrivals_.size() > static_cast<std::size_t>(options_.ultrasound_volumes))
     ultrasound_arrivals_.pop_front();
   wake_.notify_all();
 }
 
-void HeldVolumes::announced(const ::ros::Time& ultrasound_stamp, const ::ros::Time& now) {
+void HeldVolumes::announced(const msg::Acquisition& acquisition, const ::ros::Time& now) {
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
-  // The volume, or one after it, may have been quicker.
-  if (ultrasound_stamp <= last_ultrasound_stamp_) return;
-  announced_ = Announced{ultrasound_stamp, Clock::now() + kLongestOnItsWay};
+  acquisitions_.announced(acquisition, Clock::now());
+  wake_.notify_all();
 }
 
 void HeldVolumes::work() {
@@ -261,17 +254,25 @@ const HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) const {
 
 void HeldVolumes::await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
                                 const std::function<bool()>& cancelled) {
-  if (!stamp.isZero()) {
-    const Clock::time_point deadline = Clock::now() + kLongestOnItsWay;
-    return await(lock, cancelled,
-                 [&] { return !(last_ultrasound_stamp_ < stamp) || Clock::now() >= deadline; });
-  }
-  await(lock, cancelled, [&] { return !announced_ || Clock::now() >= announced_->deadline; });
-  // An older one shows another place.
-  if (announced_)
-    throw Refusal(Status::NO_ULTRASOUND, "the ultrasound with the stamp " +
-                                             seconds_text(announced_->stamp) +
-                                             " was announced, but has not arrived");
+  if (stamp.isZero()) return await_announced(lock, cancelled);
+  const Clock::time_point deadline = Clock::now() + Acquisitions::kPatience;
+  await(lock, cancelled,
+        [&] { return !(acquisitions_.last_arrived() < stamp) || Clock::now() >= deadline; });
+}
+
+/// Sweeps that begin after the request do not prolong its wait.
+void HeldVolumes::await_announced(std::unique_lock<std::mutex>& lock,
+                                  const std::function<bool()>& cancelled) {
+  const Clock::time_point asked = Clock::now();
+  const std::optional<::ros::Time> awaited = acquisitions_.awaited(asked);
+  if (!awaited) return;
+  std::optional<Refusal> refusal;
+  await(lock, cancelled, [&] {
+    if (acquisitions_.has_ended(*awaited)) return true;
+    refusal = acquisitions_.refusal(asked, Clock::now());
+    return refusal.has_value();
+  });
+  if (refusal) throw Refusal(*refusal);
 }
 
 std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(

@@ -16,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "ros/acquisitions.h"
 #include "ros/fixed_frame.h"
 #include "ros/refusal.h"
 #include "ros/stillness_watch.h"
@@ -108,8 +109,8 @@ class HeldVolumes {
   /// `now` is the node's clock. A message whose stamp is far ahead of it is refused.
   void arrived(const us_ct_registration::CtVolume::ConstPtr& message, const ::ros::Time& now);
   void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message, const ::ros::Time& now);
-  /// The ultrasound with this stamp is on its way.
-  void announced(const ::ros::Time& ultrasound_stamp, const ::ros::Time& now);
+  /// Ultrasound is being recorded, is on its way, or was refused.
+  void announced(const us_ct_registration::Acquisition& acquisition, const ::ros::Time& now);
   /// Must be called often, so that a jump of the clock back is noticed.
   void notice_time(const ::ros::Time& now);
 
@@ -117,9 +118,9 @@ class HeldVolumes {
   /// with NO_CT or INVALID_MESSAGE.
   std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
   /// The ultrasound with this stamp; 0: the newest. Waits like `ct`, and up to 2 s for a volume
-  /// that is on its way: one that was announced, or that is named and newer than all that have
-  /// arrived. Refuses with NO_ULTRASOUND, INVALID_MESSAGE or, for want of its pose, TF_UNAVAILABLE,
-  /// TF_STALE or TF_JUMPED.
+  /// that is named and newer than all that have arrived, or, if the newest is asked for, for one
+  /// that was announced before (see Acquisitions). Refuses with NO_ULTRASOUND, INVALID_MESSAGE or,
+  /// for want of its pose, TF_UNAVAILABLE, TF_STALE or TF_JUMPED.
   std::shared_ptr<const HeldUltrasound> ultrasound(const ::ros::Time& stamp,
                                                    const std::function<bool()>& cancelled);
 
@@ -173,6 +174,7 @@ class HeldVolumes {
   bool waits_for_tf() const;
   void await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
                      const std::function<bool()>& cancelled);
+  void await_announced(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled);
   const Entry* find(const ::ros::Time& stamp) const;
   void await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
              const std::function<bool()>& ready);
@@ -190,14 +192,8 @@ class HeldVolumes {
   std::optional<CtArrival> ct_arrival_;
   bool converting_ct_ = false;
   std::deque<UltrasoundArrival> ultrasound_arrivals_;
-  std::uint64_t arrived_ultrasound_ = 0;  // number of the last that arrived
-  ::ros::Time last_ultrasound_stamp_;     // of the last that arrived in this epoch
-  /// A volume that has not arrived, and the end of the wait for it.
-  struct Announced {
-    ::ros::Time stamp;
-    Clock::time_point deadline;
-  };
-  std::optional<Announced> announced_;
+  std::uint64_t arrived_ultrasound_ = 0;    // number of the last that arrived
+  Acquisitions acquisitions_;               // of this epoch
   std::uint64_t converted_ultrasound_ = 0;  // number of the last that was converted
   std::uint32_t newest_ct_revision_ = 0;
   std::uint32_t newest_ct_crc32_ = 0;

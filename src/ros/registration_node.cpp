@@ -82,9 +82,9 @@ RegistrationWorker::Work RegistrationNode::work() {
 void RegistrationNode::subscribe() {
   ct_subscriber_ = subscribe_ct();
   ultrasound_subscriber_ = subscribe_ultrasound();
-  announcement_subscriber_ = node_.subscribe<std_msgs::Header>(
-      "us/announced", 1, [this](const std_msgs::Header::ConstPtr& header) {
-        volumes_.announced(header->stamp, ::ros::Time::now());
+  announcement_subscriber_ = node_.subscribe<msg::Acquisition>(
+      "us/announced", 1, [this](const msg::Acquisition::ConstPtr& acquisition) {
+        volumes_.announced(*acquisition, ::ros::Time::now());
       });
   alignment_subscriber_ = node_.subscribe<msg::Alignment>(
       "registration/alignment", 1,

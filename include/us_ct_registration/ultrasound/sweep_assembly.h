@@ -44,6 +44,8 @@ struct AssembledSweep {
 /// A sweep that has ended.
 struct EndedSweep {
   std::uint32_t number = 0;
+  /// Of the frames that were taken, nanoseconds since 1970.
+  std::int64_t newest_stamp_ns = 0;
   /// Empty if the sweep was refused.
   std::optional<AssembledSweep> assembled;
   /// Reason why the sweep was refused; else the frames that were dropped, or empty.
@@ -80,6 +82,8 @@ class SweepAssembler {
 
   /// The sweep that has not ended, like "sweep 3, 12 frames"; empty if there is none.
   std::string open_sweep() const;
+  /// The stamp of the first frame that arrived of it.
+  std::optional<std::int64_t> recording_since_ns() const;
   std::uint64_t received() const { return received_; }
   /// Frames that were dropped or are missing, by reason.
   const Counts& dropped() const { return dropped_; }

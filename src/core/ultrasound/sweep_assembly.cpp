@@ -66,6 +66,11 @@ std::string SweepAssembler::open_sweep() const {
   return name_of_sweep(*sweep_->first) + ", " + std::to_string(sweep_->frames.size()) + " frames";
 }
 
+std::optional<std::int64_t> SweepAssembler::recording_since_ns() const {
+  if (!sweep_) return std::nullopt;
+  return sweep_->first->stamp_ns;
+}
+
 std::vector<EndedSweep> SweepAssembler::arrived(std::int64_t now_ns) {
   ++received_;
   if (now_ns < last_arrival_ns_) {
@@ -193,6 +198,7 @@ EndedSweep SweepAssembler::end(const std::string& refusal) {
   sweep_.reset();
   EndedSweep result;
   result.number = sweep.first->sweep;
+  result.newest_stamp_ns = sweep.newest_stamp_ns;
   ended_.push_back({result.number, sweep.frames.count(0) > 0, sweep.newest_stamp_ns});
   if (ended_.size() > kRememberedSweeps) ended_.pop_front();
   if (refusal.empty()) {

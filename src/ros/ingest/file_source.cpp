@@ -43,8 +43,8 @@ us_ct_registration::PreScanVolumePtr FileVolume::stamped(const ::ros::Time& now)
   });
 }
 
-FileSource::FileSource(::ros::NodeHandle node, const FileOptions& options, PublishVolume publish)
-    : publish_(std::move(publish)),
+FileSource::FileSource(::ros::NodeHandle node, const FileOptions& options, VolumePublisher& volumes)
+    : volumes_(volumes),
       volume_(std::in_place, options.ultrasound.path, options.ultrasound.path.string(), options) {
   publish_once_stamped();
   constexpr double kPeriod_s = 0.05;
@@ -58,7 +58,7 @@ void FileSource::publish_once_stamped() {
   const std::lock_guard<std::mutex> lock(mutex_);
   const ::ros::Time now = ::ros::Time::now();
   if (!volume_ || !volume_->awaited(now).empty()) return;
-  publish_(volume_->stamped(now));
+  volumes_.publish(volume_->stamped(now));
   volume_.reset();
   timer_.stop();
 }

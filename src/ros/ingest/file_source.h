@@ -10,6 +10,7 @@
 
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/ingest/volume_publisher.h"
 
 namespace usct::ros_interface {
 
@@ -41,14 +42,14 @@ class FileSource : public IngestSource {
  public:
   /// Throws if the file cannot be read or stamped. A volume that has to wait for its stamp is
   /// published later.
-  FileSource(::ros::NodeHandle node, const FileOptions& options, PublishVolume publish);
+  FileSource(::ros::NodeHandle node, const FileOptions& options, VolumePublisher& volumes);
 
   void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
  private:
   void publish_once_stamped();
 
-  const PublishVolume publish_;
+  VolumePublisher& volumes_;
   std::mutex mutex_;                  // guards volume_
   std::optional<FileVolume> volume_;  // empty once it is published
   ::ros::WallTimer timer_;            // last: its callback uses all of the above

@@ -11,9 +11,9 @@ double steady_s() { return ::ros::SteadyTime::now().toSec(); }
 }  // namespace
 
 FolderSource::FolderSource(::ros::NodeHandle node, const FileOptions& file,
-                           const FolderOptions& folder, PublishVolume publish)
+                           const FolderOptions& folder, VolumePublisher& volumes)
     : file_(file),
-      publish_(std::move(publish)),
+      volumes_(volumes),
       folder_(file.ultrasound.path, folder.suffix, folder.settle_s, folder.take_existing,
               steady_s()),
       timer_(node.createWallTimer(::ros::WallDuration(folder.period_s),
@@ -37,12 +37,13 @@ bool FolderSource::is_done_with_first() try {
   const std::string awaited = next_->awaited(now);
   tell_awaited(awaited);
   if (!awaited.empty()) return false;
-  publish_(next_->stamped(now));
+  volumes_.publish(next_->stamped(now));
   tell("");
   return true;
 } catch (const std::exception& error) {
   tell(error.what());
   ROS_ERROR("%s", error.what());
+  volumes_.announce_refused(error.what());
   return true;
 }
 

@@ -10,6 +10,7 @@
 #include "ros/ingest/file_source.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/ingest/volume_publisher.h"
 #include "ros/ingest/watched_folder.h"
 
 namespace usct::ros_interface {
@@ -21,7 +22,7 @@ class FolderSource : public IngestSource {
  public:
   /// Throws InputError if the folder cannot be read.
   FolderSource(::ros::NodeHandle node, const FileOptions& file, const FolderOptions& folder,
-               PublishVolume publish);
+               VolumePublisher& volumes);
 
   void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
@@ -33,7 +34,7 @@ class FolderSource : public IngestSource {
   void tell_awaited(const std::string& awaited);
 
   const FileOptions file_;
-  const PublishVolume publish_;
+  VolumePublisher& volumes_;
   std::mutex looking_;  // guards the next four; held while files are read
   WatchedFolder folder_;
   std::deque<std::filesystem::path> in_line_;

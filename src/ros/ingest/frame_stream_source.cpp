@@ -50,9 +50,9 @@ void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) cons
 }
 
 FrameStreamSource::FrameStreamSource(::ros::NodeHandle node, const FrameStreamOptions& options,
-                                     PublishVolume publish)
+                                     VolumePublisher& volumes)
     : options_(options),
-      publish_(std::move(publish)),
+      volumes_(volumes),
       poses_(options.pose_frame.empty() ? nullptr
                                         : std::make_unique<const ArrayPoses>(node, options)),
       assembler_(options.assembly),
@@ -88,6 +88,7 @@ std::vector<EndedSweep> FrameStreamSource::assemble(const msg::PreScanFrame::Con
   std::vector<EndedSweep> ended =
       frame ? assembler_.add(frame, now_ns) : assembler_.add_invalid(problem, now_ns);
   publish(ended);
+  announce_recording();
   return ended;
 }
 
@@ -117,13 +118,21 @@ void FrameStreamSource::publish(const std::vector<EndedSweep>& sweeps) {
     if (!sweep.assembled) {
       ++refused_;
       ROS_ERROR("refused %s", sweep.message.c_str());
+      volumes_.announce_refused(sweep.message, time_from(sweep.newest_stamp_ns));
       continue;
     }
     if (!sweep.message.empty())
       ROS_WARN("sweep %u: left out %s", sweep.number, sweep.message.c_str());
     ROS_INFO("sweep %u: %zu frames", sweep.number, sweep.assembled->frames.size());
-    publish_(to_message(*sweep.assembled));
+    volumes_.publish(to_message(*sweep.assembled));
   }
+}
+
+void FrameStreamSource::announce_recording() {
+  const std::optional<std::int64_t> since_ns = assembler_.recording_since_ns();
+  if (since_ns && since_ns != recording_since_ns_)
+    volumes_.announce_recording(time_from(*since_ns));
+  recording_since_ns_ = since_ns;
 }
 
 void FrameStreamSource::check_lags(const std::vector<EndedSweep>& sweeps) {

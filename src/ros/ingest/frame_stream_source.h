@@ -13,6 +13,7 @@
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
+#include "ros/ingest/volume_publisher.h"
 #include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 
@@ -40,7 +41,7 @@ class ArrayPoses {
 class FrameStreamSource : public IngestSource {
  public:
   FrameStreamSource(::ros::NodeHandle node, const FrameStreamOptions& options,
-                    PublishVolume publish);
+                    VolumePublisher& volumes);
 
   void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
@@ -52,18 +53,21 @@ class FrameStreamSource : public IngestSource {
   /// Publishes the assembled sweeps and logs the refused ones. `mutex_` must be held, so that
   /// volumes are published in the order of their sweeps.
   void publish(const std::vector<EndedSweep>& sweeps);
+  /// Announces a sweep that has begun since the last call. `mutex_` must be held.
+  void announce_recording();
   void check_lags(const std::vector<EndedSweep>& sweeps);
   void check_lag(const PreScanVolume& volume);
   void describe_frames(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   const FrameStreamOptions options_;
-  const PublishVolume publish_;
+  VolumePublisher& volumes_;
   std::unique_ptr<const ArrayPoses> poses_;  // null: tf is not asked
 
   std::mutex mutex_;  // guards the members below, up to reported_at_
   SweepAssembler assembler_;
   LastArrival last_arrival_;
   int frames_in_work_ = 0;
+  std::optional<std::int64_t> recording_since_ns_;  // as announced
   std::uint64_t refused_ = 0;
   std::string refusal_;  // of the last sweep; empty if it was published
   std::string lag_;      // estimate from the last tracked sweep

@@ -49,11 +49,11 @@ std::string described(const PlacedSweep& placed, const std::string& name) {
 }  // namespace
 
 ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions& options,
-                         PublishVolume publish)
+                         VolumePublisher& volumes)
     : options_(options),
       beams_(options.width, options.height, options.shown, options.sweep.array, options.sweep.axial,
              options.placement),
-      publish_(std::move(publish)),
+      volumes_(volumes),
       poses_(node, options),
       topic_(node.resolveName("us/image")),
       last_arrival_(node),
@@ -189,16 +189,18 @@ void ImageSource::record(const sensor_msgs::Image& image) {
           recording_->images.name(),
           "it is longer than " + std::to_string(options_.longest_sweep_s) + " s (longest_sweep)");
     recording_->images.add(nanoseconds_from(image.header.stamp), std::move(brightness));
+    if (images.size() == 1) volumes_.announce_recording(image.header.stamp);
   } catch (const InputError& error) {
     recording_.reset();
-    refuse(error.what());
+    refuse(error.what(), image.header.stamp);
   }
 }
 
-ImageSource::Status ImageSource::refuse(const std::string& reason) {
+ImageSource::Status ImageSource::refuse(const std::string& reason, const ::ros::Time& stamp) {
   ++refused_;
   refusal_ = reason;
   ROS_ERROR("refused %s", reason.c_str());
+  volumes_.announce_refused(reason, stamp);
   return status(Code::FAILED, "refused " + reason);
 }
 
@@ -222,13 +224,15 @@ ImageSource::Answer ImageSource::finish(const Recording& recording) {
       const std::lock_guard<std::mutex> lock(mutex_);
       remember(placed);
     }
-    publish_(volume);
+    volumes_.publish(volume);
     ROS_INFO("%s", text.c_str());
     answer.status = status(Code::OK, text);
     answer.us_stamp = volume->header.stamp;
   } catch (const std::exception& error) {  // InputError, or memory
     const std::lock_guard<std::mutex> lock(mutex_);
-    answer.status = refuse(error.what());
+    const auto& images = recording.images.images();
+    answer.status =
+        refuse(error.what(), images.empty() ? ::ros::Time() : time_from(images.back().stamp_ns));
   }
   return answer;
 }

@@ -17,6 +17,7 @@
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
+#include "ros/ingest/volume_publisher.h"
 #include "us_ct_registration/ultrasound/image_beams.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 
@@ -28,7 +29,7 @@ class ImageSource : public IngestSource {
  public:
   /// Throws InputError if the probe does not lie in the images.
   ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions& options,
-              PublishVolume publish);
+              VolumePublisher& volumes);
 
   void describe(diagnostic_updater::DiagnosticStatusWrapper& status) override;
 
@@ -62,7 +63,8 @@ class ImageSource : public IngestSource {
   /// Publishes the sweep, or says why not.
   Answer finish(const Recording& recording);
   void remember(const PlacedSweep& placed);
-  Status refuse(const std::string& reason);
+  /// `stamp`: of the sweep's last image; 0: none is known.
+  Status refuse(const std::string& reason, const ::ros::Time& stamp = {});
   Answer start_sweep();
   Answer end_sweep();
   /// Why no sweep can start now; OK if it can.
@@ -70,7 +72,7 @@ class ImageSource : public IngestSource {
 
   const ImageStreamOptions options_;
   const ImageBeams beams_;
-  const PublishVolume publish_;
+  VolumePublisher& volumes_;
   const ImagePoses poses_;
 
   std::mutex finishing_;  // held while a sweep is finished, so that volumes keep their order

@@ -1,20 +1,14 @@
 #pragma once
 
 #include <diagnostic_updater/DiagnosticStatusWrapper.h>
-#include <us_ct_registration/PreScanVolume.h>
-
-#include <functional>
 
 namespace usct::ros_interface {
-
-/// Publishes a volume. May be called from any thread.
-using PublishVolume = std::function<void(const us_ct_registration::PreScanVolumeConstPtr&)>;
 
 /// Period at which a source checks whether frames have paused, s.
 constexpr double kPauseCheckPeriod_s = 0.05;
 
-/// A source of ultrasound. It works from its construction on, and passes each volume to its
-/// PublishVolume.
+/// A source of ultrasound. It works from its construction on, and tells a VolumePublisher of each
+/// sweep.
 class IngestSource {
  public:
   IngestSource() = default;

@@ -2,20 +2,18 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
-#include <us_ct_registration/PreScanVolume.h>
 
 #include <memory>
-#include <mutex>
 #include <string>
 
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
+#include "ros/ingest/volume_publisher.h"
 
 namespace usct::ros_interface {
 
 /// Reads ultrasound from a file, a watched folder, streamed frames or live images and publishes it
-/// as volumes on `us/volume` (latched), after their headers on `us/announced`, which arrive sooner.
-/// docs/nodes/us_ingest.md has topics, parameters and behaviours.
+/// as volumes, see VolumePublisher. docs/nodes/us_ingest.md has topics, parameters and behaviours.
 class UsIngest {
  public:
   /// Throws InputError for a parameter that is unknown or out of range, and for a file or folder
@@ -24,18 +22,11 @@ class UsIngest {
 
  private:
   std::unique_ptr<IngestSource> make_source(const IngestParameters& parameters);
-  void publish(const us_ct_registration::PreScanVolumeConstPtr& volume);
   void report(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ::ros::NodeHandle node_;
   std::string source_name_;
-  ::ros::Publisher header_publisher_;
-  ::ros::Publisher volume_publisher_;
-
-  std::mutex mutex_;  // guards the members below, up to last_volume_stamp_
-  std::uint64_t published_ = 0;
-  ::ros::Time last_volume_stamp_;
-
+  VolumePublisher volumes_;
   diagnostic_updater::Updater diagnostics_;
   // These members are last, because their callbacks use all others.
   std::unique_ptr<IngestSource> source_;

@@ -17,6 +17,7 @@ namespace usct::ros_interface {
 namespace {
 
 namespace msg = us_ct_registration;
+using msg::Acquisition;
 using Status = msg::StatusCode;
 using testing::HasSubstr;
 
@@ -68,6 +69,14 @@ class HeldVolumesTest : public testing::Test {
   }
   Refusal ultrasound_refusal(double seconds = 0.0) {
     return refusal([&] { volumes().ultrasound(::ros::Time(seconds), never); });
+  }
+  void announce(std::uint8_t state, double seconds, const std::string& reason = {},
+                const ::ros::Time& now = kNow) {
+    Acquisition acquisition;
+    acquisition.header.stamp = ::ros::Time(seconds);
+    acquisition.state = state;
+    acquisition.reason = reason;
+    volumes().announced(acquisition, now);
   }
   double newest_s() { return volumes().ultrasound(::ros::Time(), never)->header.stamp.toSec(); }
 
@@ -160,18 +169,18 @@ TEST_F(HeldVolumesTest, WhoNamesAVolumeThatIsOnItsWayGetsIt) {
 
 TEST_F(HeldVolumesTest, TheNewestIsTheOneThatWasAnnounced) {
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
-  volumes().announced(::ros::Time(1.0), kNow);  // it came later than its volume
+  announce(Acquisition::RECORDED, 1.0);  // it came later than its volume
   EXPECT_EQ(newest_s(), 1.0);
-  volumes().announced(::ros::Time(2.0), kNow);
+  announce(Acquisition::RECORDED, 2.0);
   auto asking = std::async(std::launch::async, [&] { return newest_s(); });
   EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
   EXPECT_EQ(asking.get(), 2.0);
 
-  volumes().announced(::ros::Time(1.0), kNow);  // that of an older volume, too late
+  announce(Acquisition::RECORDED, 1.0);  // that of an older volume, too late
   EXPECT_EQ(newest_s(), 2.0);
 
-  volumes().announced(::ros::Time(3.0), kNow);  // it is lost
+  announce(Acquisition::RECORDED, 3.0);  // it is lost
   const Refusal lost = ultrasound_refusal();
   EXPECT_EQ(lost.code(), Status::NO_ULTRASOUND);
   EXPECT_THAT(lost.what(), HasSubstr("3.000 was announced, but has not arrived"));
@@ -179,17 +188,54 @@ TEST_F(HeldVolumesTest, TheNewestIsTheOneThatWasAnnounced) {
   EXPECT_EQ(newest_s(), 4.0);
 }
 
+/// The patient may have moved before it was acquired.
+TEST_F(HeldVolumesTest, UltrasoundFromBeforeARefusedSweepIsNotTheNewest) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  announce(Acquisition::REFUSED, 2.0, "12 of 81 frames are missing");
+  for (int times = 0; times < 2; ++times) {
+    const Refusal refused = ultrasound_refusal();
+    EXPECT_EQ(refused.code(), Status::NO_ULTRASOUND);
+    EXPECT_THAT(refused.what(), HasSubstr("12 of 81 frames are missing"));
+  }
+  EXPECT_EQ(volumes().ultrasound(::ros::Time(1.0), never)->header.stamp.toSec(), 1.0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)), kNow);
+  EXPECT_EQ(newest_s(), 3.0);
+}
+
+TEST_F(HeldVolumesTest, ASweepThatIsRecordedIsWaitedFor) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  announce(Acquisition::RECORDING, 2.0);
+  auto asking = std::async(std::launch::async, [&] { return newest_s(); });
+  EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+  announce(Acquisition::RECORDED, 3.0);
+  announce(Acquisition::RECORDING, 3.1);  // the probe sweeps on and on
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)), kNow);
+  EXPECT_EQ(asking.get(), 3.0);
+  // This one does not end soon.
+  EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("recorded since 3.100 s and has not ended"));
+}
+
+TEST_F(HeldVolumesTest, WhoWaitsForASweepLearnsThatItIsRefused) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  announce(Acquisition::RECORDING, 2.0);
+  auto asking =
+      std::async(std::launch::async, [&] { return std::string(ultrasound_refusal().what()); });
+  EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+  announce(Acquisition::REFUSED, 3.0, "the motor turns back");
+  EXPECT_THAT(asking.get(), HasSubstr("the motor turns back"));
+}
+
 /// As in each loop of a bag. The first that learns of the jump may be the announcement itself.
 TEST_F(HeldVolumesTest, AfterTimeRanBackTheAnnouncedVolumeIsWaitedFor) {
   for (const bool was_noticed : {true, false}) {
     volumes_.reset();
-    volumes().announced(::ros::Time(101.0), ::ros::Time(100.0));  // it is lost
+    announce(Acquisition::RECORDED, 101.0, "", ::ros::Time(100.0));  // it is lost
     volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), ::ros::Time(100.0));
     if (was_noticed) {
       volumes().notice_time(::ros::Time(10.0));
       EXPECT_EQ(newest_s(), 100.0);
     }
-    volumes().announced(::ros::Time(12.0), ::ros::Time(12.0));
+    announce(Acquisition::RECORDED, 12.0, "", ::ros::Time(12.0));
     auto newest = std::async(std::launch::async, [&] { return newest_s(); });
     auto named = std::async(std::launch::async, [&] {
       return volumes().ultrasound(::ros::Time(12.0), never)->header.stamp.toSec();

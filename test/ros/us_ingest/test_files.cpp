@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
+#include <us_ct_registration/Acquisition.h>
 
 #include <filesystem>
 #include <fstream>
@@ -56,6 +57,7 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
 
   ::ros::NodeHandle node;
   const Inbox<msg::PreScanVolume> volumes(node, "/watching/us/volume");
+  const Inbox<msg::Acquisition> announced(node, "/watching/us/announced");
   const Inbox<diagnostic_msgs::DiagnosticArray> diagnostics(node, "/diagnostics");
   const Process process("us_ingest",
                         {"__ns:=watching", "_source:=folder", "_path:=" + folder.path().string(),
@@ -85,6 +87,11 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
   EXPECT_FALSE(is_named(diagnostics, "DOE_JOHN"));
   ASSERT_TRUE(eventually([&] { return is_named(log, "file 2 of the watched folder"); }));
   EXPECT_FALSE(is_named(log, "DOE_JOHN"));
+  // Whoever asks for the newest ultrasound must not get the file before.
+  ASSERT_TRUE(eventually([&] { return is_named(announced, "file 2 of the watched folder"); }));
+  EXPECT_EQ(announced.all().back()->state, msg::Acquisition::REFUSED);
+  EXPECT_GT(announced.all().back()->header.stamp, volumes.all()[0]->header.stamp);
+  EXPECT_FALSE(is_named(announced, "DOE_JOHN"));
   volume.voxels[0] = 99;
   write_prescan_nrrd(volume, folder.path() / "next.nrrd");
   ASSERT_TRUE(volumes.wait(2));

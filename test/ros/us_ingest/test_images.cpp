@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sensor_msgs/Image.h>
-#include <std_msgs/Header.h>
+#include <us_ct_registration/Acquisition.h>
 #include <us_ct_registration/StatusCode.h>
 #include <us_ct_registration/Sweep.h>
 
@@ -142,7 +142,7 @@ class LiveImages : public testing::Test {
   std::string space_;
   std::string frame_;
   Inbox<msg::PreScanVolume> volumes_;
-  Inbox<std_msgs::Header> announced_;
+  Inbox<msg::Acquisition> announced_;
   Inbox<diagnostic_msgs::DiagnosticArray> diagnostics_;
   ::ros::Publisher images_;
   TfSource tf_;
@@ -191,8 +191,11 @@ TEST_F(LiveImages, ASweepGetsItsPosesCorrectedByTheLagOfItsImagesAndLosesItsDupl
   EXPECT_EQ(volume.header.stamp, volume.frame_stamps.back());
   EXPECT_EQ(volume.header.stamp, ended.response.us_stamp);
   EXPECT_TRUE(eventually([&] {
-    const auto headers = announced_.all();
-    return !headers.empty() && headers.back()->stamp == volume.header.stamp;
+    const auto announced = announced_.all();
+    return announced.size() >= 2 && announced.end()[-2]->state == msg::Acquisition::RECORDING &&
+           announced.end()[-2]->header.stamp == start &&
+           announced.back()->state == msg::Acquisition::RECORDED &&
+           announced.back()->header.stamp == volume.header.stamp;
   }));
   ASSERT_EQ(volume.frames, 137U);
   // Stamps are those of the images minus the estimated lag.

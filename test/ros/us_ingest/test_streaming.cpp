@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <us_ct_registration/Acquisition.h>
 
 #include <map>
 #include <random>
@@ -91,6 +92,31 @@ TEST_P(Streaming, TwoMotorisedSweepsInARowArriveBitByBit) {
   EXPECT_EQ(volume(1), back);
   EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::OK,
                                    "published"));
+}
+
+/// So that nobody who asks for the newest sweep gets the one before.
+TEST_P(Streaming, ASweepIsAnnouncedFromItsFirstFrameOnAndWhenItIsRefused) {
+  const Inbox<msg::Acquisition> announced(node_, space_ + "/us/announced");
+  const auto is_last = [&](std::uint8_t state, const ::ros::Time& stamp) {
+    const auto all = announced.all();
+    return !all.empty() && all.back()->state == state && all.back()->header.stamp == stamp;
+  };
+  const msg::PreScanVolume sweep = motorised(::ros::Time::now(), 1.0);
+  std::vector<msg::PreScanFrame> frames = frames_of(sweep, next_sweep());
+  send({frames.begin(), frames.begin() + 3});
+  EXPECT_TRUE(
+      eventually([&] { return is_last(msg::Acquisition::RECORDING, sweep.frame_stamps.front()); }));
+  send({frames.begin() + 3, frames.end()});
+  EXPECT_TRUE(eventually([&] { return is_last(msg::Acquisition::RECORDED, sweep.header.stamp); }));
+  EXPECT_EQ(volume(0), sweep);
+
+  const msg::PreScanVolume torn = motorised(::ros::Time::now(), 1.0);
+  frames = frames_of(torn, next_sweep());
+  frames.erase(frames.begin() + 4, frames.begin() + 8);
+  send(frames);  // it ends by a pause
+  EXPECT_TRUE(eventually([&] { return is_last(msg::Acquisition::REFUSED, torn.header.stamp); }));
+  EXPECT_NE(announced.all().back()->reason.find("4 of 12 frames are missing"), std::string::npos)
+      << announced.all().back()->reason;
 }
 
 /// Each of these once ended the node, which is `required`.
