@@ -1,7 +1,6 @@
 // The header of NRRD volumes: the part of http://teem.sourceforge.net/nrrd/format.html that scalar
 // volumes with an orientation need.
 #include <algorithm>
-#include <cctype>
 #include <map>
 
 #include "io/bytes.h"
@@ -72,12 +71,6 @@ const char* nrrd_name(Component component) {
     default:
       return name_of(component);
   }
-}
-
-std::string lower_case(std::string s) {
-  std::transform(s.begin(), s.end(), s.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return s;
 }
 
 /// `count` vectors of three numbers, "(x,y,z) (x,y,z)", as columns.
