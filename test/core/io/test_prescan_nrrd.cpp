@@ -83,6 +83,9 @@ TEST(PreScanNrrd, ReadsWindowsLineEndsAndADetachedDataFile) {
         read_prescan_nrrd(spit(folder.path() / "b.nhdr", header + "data file: ../etc/passwd\r\n"));
       },
       {"data file", "same folder"});
+  expect_input_error(
+      [&] { read_prescan_nrrd(spit(folder.path() / "c.nhdr", header + "data file: no.raw\r\n")); },
+      {"c.nhdr", "'data file'", "no.raw", "does not exist"});
 }
 
 Eigen::Isometry3d arbitrary_pose() {

@@ -162,7 +162,7 @@ void locate_data(const fs::path& path, const HeaderFields& fields, std::size_t h
   if (skip >= 0) {
     header.begin += static_cast<std::uintmax_t>(skip);
   } else {  // the voxels are the end of the file
-    const std::uintmax_t bytes = data_file_bytes(path.string(), header.data_file);
+    const std::uintmax_t bytes = fs::file_size(header.data_file);
     if (bytes >= header.voxel_bytes()) header.begin = bytes - header.voxel_bytes();
   }
 }
