@@ -1,4 +1,6 @@
-# ITK's readers of images, to which tests hold ours. The core does not link them.
+# ITK's readers of images and transforms, to which tests hold ours. The core does not link them.
+find_package(ITK 5 REQUIRED COMPONENTS ITKHDF5 ITKIOTransformInsightLegacy ITKIOTransformHDF5)
+set(transform_includes ${ITK_INCLUDE_DIRS})
 find_package(ITK 5 REQUIRED COMPONENTS ITKIOImageBase ITKIOMeta ITKIONRRD ITKIONIFTI)
 
 # Where tests find the project's files and the tool. A header rather than macros on the command line: tests
@@ -46,6 +48,8 @@ foreach(folder ${test_folders})
     usct_add_gtest(test_${name} ${sources})
   endif()
 endforeach()
+target_include_directories(test_io SYSTEM PRIVATE ${transform_includes})
+target_link_libraries(test_io ITKIOTransformInsightLegacy ITKIOTransformHDF5 ${HDF5_LIBRARIES})
 
 # The ROS interface: test/ros/unit needs no master (one executable, test_ros); each NAME.test beside it
 # launches nodes, with its own test program from the sources in the folder NAME if there is one.

@@ -15,6 +15,9 @@ std::vector<std::string_view> words(std::string_view text);
 /// The parts between separators; one more than there are separators.
 std::vector<std::string_view> split(std::string_view text, char separator);
 
+/// Letters of ASCII in lower case.
+std::string lower_case(std::string_view text);
+
 /// Text for a message: in quotes, long text cut, unprintable bytes replaced.
 std::string in_quotes(std::string_view text);
 

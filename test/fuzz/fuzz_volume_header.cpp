@@ -39,7 +39,7 @@ std::vector<io::Bytes> seeds() {
   io::Bytes absurd = with_voxels(io::nifti_header("seed", grid(), Component::kInt16));
   std::memset(&absurd[42], 0x7f, 6);
   return {with_voxels(io::nrrd_header(grid(), Component::kInt16)),
-          with_voxels(io::meta_header(grid(), Component::kInt16, "LOCAL")),
+          with_voxels(io::meta_header("seed", grid(), Component::kInt16, "LOCAL")),
           with_voxels(io::nifti_header("seed", grid(), Component::kInt16)), absurd};
 }
 

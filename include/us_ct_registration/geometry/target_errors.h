@@ -39,6 +39,10 @@ TargetErrors evaluate_targets(const Eigen::Isometry3d& T_us_ct,
                               const Eigen::Isometry3d& T_us_ct_true,
                               const std::vector<Eigen::Vector3d>& points_us_mm);
 
+/// Throws InputError, naming `source`, unless the covariance of a motion (rad, mm) is finite,
+/// symmetric and positive semidefinite, to 1e-6 of its diagonal.
+void require_covariance(const Eigen::Matrix<double, 6, 6>& covariance, const std::string& source);
+
 /// The TRE that a covariance predicts, as root mean squares in mm.
 struct ExpectedTargetErrors {
   /// Root mean square over all targets.
@@ -50,8 +54,8 @@ struct ExpectedTargetErrors {
 /// `covariance` is that of a result (see registration_result.h): the covariance of the small motion
 /// `p -> p + w x p + t` in the US frame, (w rad, t mm). A target p moves by J (w, t) with `J =
 /// [-[p]x | I]`, so that the expected square of its error is trace(J C J^T). Throws InputError if
-/// there is no target, a target is not finite, or the covariance is not finite, symmetric and
-/// positive semidefinite (to 1e-6 of its diagonal); the message names `source`.
+/// there is no target or one is not finite, and as `require_covariance`; the message names
+/// `source`.
 ExpectedTargetErrors expected_tre_mm(const Eigen::Matrix<double, 6, 6>& covariance,
                                      const std::vector<Eigen::Vector3d>& points_us_mm,
                                      const std::string& source = "result");

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 #include <functional>
-#include <string>
+#include <string_view>
 
 namespace usct {
 
@@ -25,7 +25,15 @@ void write_atomically(const std::filesystem::path& target,
 /// will hold.
 void require_writable(const std::filesystem::path& target);
 
+/// Writes the whole content of `file`, the temporary file of `target`. Throws std::runtime_error,
+/// naming `target` and the reason, if that fails, as on a full disk.
+void write_content(const std::filesystem::path& file, std::string_view content,
+                   const std::filesystem::path& target);
+
 /// Writes a whole file of text in this way.
-void write_text(const std::filesystem::path& target, const std::string& text);
+void write_text(const std::filesystem::path& target, std::string_view text);
+
+/// The file that `path` leads to if it is a link, which need not exist; otherwise `path`.
+std::filesystem::path behind_links(std::filesystem::path path);
 
 }  // namespace usct

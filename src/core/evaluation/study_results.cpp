@@ -47,7 +47,7 @@ Json parse_line(const std::string& line, const std::string& source) {
   if (line.substr(body + kChecksumKey.size(), kDigits) != checksum_of(text))
     throw InputError(source, "does not have the checksum that it states");
   try {
-    return Json::parse(text + "}");
+    return io::parse_json<Json>(text + "}", source);
   } catch (const Json::exception& error) {
     throw InputError(source, std::string("is not JSON: ") + error.what());
   }

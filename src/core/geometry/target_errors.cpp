@@ -24,24 +24,6 @@ void require_pose(const Eigen::Isometry3d& T, const std::string& name) {
   if (!T.matrix().allFinite()) throw InputError(name, "must be finite");
 }
 
-/// The covariance is scaled to a unit diagonal first, since rad^2 and mm^2 cannot be compared.
-void require_covariance(const Matrix6d& covariance, const std::string& source) {
-  constexpr double kTolerance = 1e-6;
-  const auto fail = [&](const char* violation) {
-    throw InputError(source, std::string("'covariance' ") + violation);
-  };
-  if (!covariance.allFinite()) fail("must be finite");
-  if ((covariance.diagonal().array() < 0.0).any())
-    fail("has a negative variance, must be positive semidefinite");
-  const Eigen::Matrix<double, 6, 1> scale = covariance.diagonal().unaryExpr(
-      [](double variance) { return variance > 0.0 ? 1.0 / std::sqrt(variance) : 1.0; });
-  const Matrix6d correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
-  if (!((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kTolerance))
-    fail("must be symmetric");
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(correlation, Eigen::EigenvaluesOnly);
-  if (!(solver.eigenvalues().minCoeff() >= -kTolerance)) fail("must be positive semidefinite");
-}
-
 double root_mean_square(const std::vector<double>& squares) {
   double sum = 0.0;
   for (const double square : squares) sum += square;
@@ -62,6 +44,24 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& p) {
 }
 
 }  // namespace
+
+void require_covariance(const Matrix6d& covariance, const std::string& source) {
+  constexpr double kTolerance = 1e-6;
+  const auto fail = [&](const char* violation) {
+    throw InputError(source, std::string("'covariance' ") + violation);
+  };
+  if (!covariance.allFinite()) fail("must be finite");
+  if ((covariance.diagonal().array() < 0.0).any())
+    fail("has a negative variance, must be positive semidefinite");
+  // The covariance is scaled to a unit diagonal, since rad^2 and mm^2 cannot be compared.
+  const Eigen::Matrix<double, 6, 1> scale = covariance.diagonal().unaryExpr(
+      [](double variance) { return variance > 0.0 ? 1.0 / std::sqrt(variance) : 1.0; });
+  const Matrix6d correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  if (!((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kTolerance))
+    fail("must be symmetric");
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(correlation, Eigen::EigenvaluesOnly);
+  if (!(solver.eigenvalues().minCoeff() >= -kTolerance)) fail("must be positive semidefinite");
+}
 
 TargetErrors evaluate_matched_targets(const Eigen::Isometry3d& T_us_ct,
                                       const std::vector<Eigen::Vector3d>& points_ct_mm,

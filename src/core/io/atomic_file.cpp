@@ -45,15 +45,6 @@ fs::path temporary_path(const fs::path& target) {
                               std::to_string(++counter) + "-" + target.filename().string());
 }
 
-/// The file that a link leads to: a rename would take the place of the link, and leave its file as
-/// it was.
-fs::path behind_links(fs::path target) {
-  constexpr int kMostLinks = 40;  // as Linux
-  for (int i = 0; i < kMostLinks && fs::is_symlink(fs::symlink_status(target)); ++i)
-    target = folder_of(target) / fs::read_symlink(target);
-  return target;
-}
-
 void check_target(const fs::path& target) {
   const fs::path folder = folder_of(target);
   std::error_code error;
@@ -82,17 +73,24 @@ void check_folder_is_writable(const fs::path& target, const fs::path& temporary)
 
 /// Flushes a file or folder. Without this, a crash after the rename could leave an empty file under
 /// the final name.
-void flush_to_disk(const fs::path& path, int flags) {
+void flush_to_disk(const fs::path& path, int flags, const fs::path& target) {
   const int file = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (file < 0) throw std::runtime_error(path.string() + ": " + std::strerror(errno));
+  if (file < 0) throw std::runtime_error(target.string() + ": " + std::strerror(errno));
   const int status = ::fsync(file);
   const int failure = errno;
   ::close(file);
   if (status != 0 && failure != EINVAL)  // EINVAL: a file system that cannot be flushed
-    throw std::runtime_error(path.string() + ": flush failed: " + std::strerror(failure));
+    throw std::runtime_error(target.string() + ": flush failed: " + std::strerror(failure));
 }
 
 }  // namespace
+
+fs::path behind_links(fs::path path) {
+  constexpr int kMostLinks = 40;  // as Linux
+  for (int i = 0; i < kMostLinks && fs::is_symlink(fs::symlink_status(path)); ++i)
+    path = folder_of(path) / fs::read_symlink(path);
+  return path;
+}
 
 void require_writable(const fs::path& named) {
   const fs::path target = behind_links(named);
@@ -102,26 +100,32 @@ void require_writable(const fs::path& named) {
 
 void write_atomically(const fs::path& named,
                       const std::function<void(const fs::path& temporary)>& write) {
+  // A rename would take the place of a link, and leave its file as it was.
   const fs::path target = behind_links(named);
   check_target(target);
   const fs::path folder = folder_of(target);
   const TemporaryFile temporary(temporary_path(target));
   check_folder_is_writable(target, temporary.path());
   write(temporary.path());
-  flush_to_disk(temporary.path(), O_RDONLY);
+  flush_to_disk(temporary.path(), O_RDONLY, target);
   std::error_code error;
   fs::rename(temporary.path(), target, error);
   if (error) throw std::runtime_error(target.string() + ": rename failed: " + error.message());
-  flush_to_disk(folder, O_RDONLY | O_DIRECTORY);
+  flush_to_disk(folder, O_RDONLY | O_DIRECTORY, target);
 }
 
-void write_text(const fs::path& target, const std::string& text) {
-  write_atomically(target, [&](const fs::path& temporary) {
-    std::ofstream file(temporary, std::ios::binary);
-    file << text;
-    file.close();
-    if (!file) throw std::runtime_error(target.string() + ": writing failed");
-  });
+void write_content(const fs::path& file, std::string_view content, const fs::path& target) {
+  errno = 0;
+  std::ofstream stream(file, std::ios::binary);
+  stream.write(content.data(), static_cast<std::streamsize>(content.size()));
+  stream.close();
+  if (!stream)
+    throw std::runtime_error(target.string() + ": writing failed: " + std::strerror(errno));
+}
+
+void write_text(const fs::path& target, std::string_view text) {
+  write_atomically(target,
+                   [&](const fs::path& temporary) { write_content(temporary, text, target); });
 }
 
 }  // namespace usct

@@ -56,13 +56,7 @@ void read_bytes_into(const fs::path& path, std::uintmax_t offset, void* out, std
 }
 
 void write_bytes(const fs::path& target, const Bytes& bytes) {
-  write_atomically(target, [&](const fs::path& temporary) {
-    std::ofstream file(temporary, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
-    file.close();
-    if (!file) throw std::runtime_error(target.string() + ": writing failed");
-  });
+  write_text(target, text_view(bytes));
 }
 
 }  // namespace usct::io

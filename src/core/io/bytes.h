@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <string_view>
 #include <vector>
 
 /// Functions that all readers share: files as bytes, and products of sizes that cannot overflow.
@@ -23,6 +24,10 @@ Bytes read_prefix(const std::filesystem::path& path, std::size_t count);
 /// is shorter.
 void read_bytes_into(const std::filesystem::path& path, std::uintmax_t offset, void* out,
                      std::size_t count);
+
+inline std::string_view text_view(const Bytes& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
 
 /// Writes `target` atomically. Throws as `write_atomically`.
 void write_bytes(const std::filesystem::path& target, const Bytes& bytes);

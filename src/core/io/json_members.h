@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,26 @@
 namespace usct::io {
 
 using Json = nlohmann::ordered_json;
+
+/// Parses a file's JSON. Throws InputError, naming `source`, for a key that an object has twice, of
+/// which the library would keep the last, and for more levels than any of our files has: thousands,
+/// in a damaged file, would exhaust the stack. Throws the library's exception if it is not JSON.
+template <typename AnyJson, typename Input>
+AnyJson parse_json(Input&& input, const std::string& source) {
+  constexpr int kDeepest = 8;
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  const auto check = [&](int depth, typename AnyJson::parse_event_t event, const AnyJson& value) {
+    using Event = typename AnyJson::parse_event_t;
+    if (depth > kDeepest) throw InputError(source, "is damaged: it is nested too deeply");
+    if (event == Event::object_start) keys.emplace_back();
+    if (event == Event::object_end) keys.pop_back();
+    if (event == Event::key && !keys.back().insert(value.template get<std::string>()).second)
+      throw InputError(source,
+                       "key " + in_quotes(value.template get<std::string>()) + " is given twice");
+    return true;
+  };
+  return AnyJson::parse(std::forward<Input>(input), check);
+}
 
 template <int N>
 using RowMajor = Eigen::Matrix<double, N, N, Eigen::RowMajor>;

@@ -1,7 +1,9 @@
 #include "io/sibling_file.h"
 
+#include "io/bytes.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/atomic_file.h"
 
 namespace usct::io {
 
@@ -12,7 +14,7 @@ std::filesystem::path sibling_file(const std::filesystem::path& header, const st
   if (name.empty() || file != file.filename())
     throw InputError(header.string(), "'" + field + "' is " + in_quotes(name) +
                                           ", must name a file in the same folder");
-  const std::filesystem::path sibling = header.parent_path() / file;
+  const std::filesystem::path sibling = behind_links(header).parent_path() / file;
   std::error_code error;
   if (std::filesystem::is_symlink(sibling, error) &&
       std::filesystem::weakly_canonical(sibling, error).parent_path() !=
@@ -20,6 +22,12 @@ std::filesystem::path sibling_file(const std::filesystem::path& header, const st
     throw InputError(header.string(), "'" + field + "' is " + in_quotes(name) +
                                           ", a link to another folder, must name a file in the "
                                           "same folder");
+  try {
+    read_prefix(sibling, 1);
+  } catch (const InputError& unreadable) {
+    throw InputError(header.string(),
+                     "'" + field + "' is " + in_quotes(name) + ", which " + unreadable.violation());
+  }
   return sibling;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -19,5 +20,21 @@ struct ItkImage {
 /// Read and write files of 16-bit voxels. Throw ITK's exceptions.
 ItkImage read_by_itk(const std::filesystem::path& path);
 void write_by_itk(const ItkImage& image, const std::filesystem::path& path, bool compressed);
+
+struct ItkTransform {
+  std::string type;
+  std::vector<double> parameters, fixed_parameters;
+};
+
+/// Writes one transform, or several as a composite, as registration programs do.
+void write_by_itk(const std::vector<ItkTransform>& parts, const std::filesystem::path& path);
+
+/// Where ITK's reader maps a point.
+std::array<double, 3> moved_by_itk(const std::filesystem::path& path,
+                                   const std::array<double, 3>& point);
+
+/// Writes a HDF5 file of one transform, right or wrong.
+void write_hdf5_transform(const ItkTransform& transform, bool with_fixed_parameters,
+                          const std::filesystem::path& path);
 
 }  // namespace usct::test

@@ -107,6 +107,15 @@ TEST(AlignmentFile, AFolderInItsPlaceAndAMissingFolderAreErrors) {
                InputError);
 }
 
+TEST(AlignmentFile, AKeyGivenTwiceIsRefused) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "alignment.json";
+  write_alignment(example(), path);
+  const std::string whole = text_of(path);
+  std::ofstream(path) << "{\"crc32\": 1," << whole.substr(1);
+  EXPECT_THAT(error_of(path), HasSubstr(path.string() + ": key 'crc32' is given twice"));
+}
+
 TEST(AlignmentFile, DeepNestingIsDamage) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "alignment.json";

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "core/io/file_size_limit.h"
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
@@ -54,6 +55,21 @@ TEST(AtomicFile, FailureOfTheWriterLeavesTheOldFileAndNoTemporary) {
                                   throw std::runtime_error("disk full");
                                 }),
                std::runtime_error);
+  EXPECT_EQ(get(target), "old");
+  EXPECT_EQ(file_count(folder.path()), 1U);
+}
+
+TEST(AtomicFile, AFullDiskIsNamedAsTheReason) {
+  const TemporaryFolder folder;
+  const fs::path target = folder.path() / "result.json";
+  put(target, "old");
+  try {
+    const test::FileSizeLimit full(2);
+    write_text(target, "new text");
+    ADD_FAILURE() << "no error was thrown";
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(error.what(), target.string() + ": writing failed: File too large");
+  }
   EXPECT_EQ(get(target), "old");
   EXPECT_EQ(file_count(folder.path()), 1U);
 }

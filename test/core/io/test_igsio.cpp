@@ -56,7 +56,8 @@ TEST(Igsio, ReadsASingleFrameWithTwoAxesAndDetachedData) {
   EXPECT_EQ(sequence.data.size(), 12U);
   expect_input_error([&] { read_header("../frame.raw"); }, {"ElementDataFile", "same folder"});
   expect_input_error([&] { read_header("/etc/passwd"); }, {"ElementDataFile", "same folder"});
-  expect_input_error([&] { read_header("none.raw"); }, {"none.raw", "does not exist"});
+  expect_input_error([&] { read_header("none.raw"); },
+                     {"frame.igs.mhd", "'ElementDataFile'", "none.raw", "does not exist"});
   expect_input_error([&] { read_header("LIST"); }, {"ElementDataFile", "LIST"});
   expect_input_error([&] { read_header("frame%02d.raw 1 2 1"); }, {"ElementDataFile"});
 }

@@ -150,6 +150,36 @@ TEST_F(Nifti, ScaledValues) {
   EXPECT_EQ(read_volume_info(path_).scale, 0.5);
 }
 
+/// As nibabel writes and reads them, and the NIfTI library.
+TEST_F(Nifti, ASlopeThatIsNotFiniteScalesNothing) {
+  for (const float slope : {0.0F, NAN, INFINITY, -INFINITY}) {
+    for (const float inter : {5.0F, NAN, 0.0F})
+      EXPECT_EQ(read(NiftiFile().put(112, slope).put(116, inter)).voxels, kVoxels) << slope;
+    EXPECT_EQ(test::read_by_itk(path_).voxels, kVoxels) << slope;
+  }
+}
+
+TEST_F(Nifti, LengthsBeyondItsNumbersAreNotWritten) {
+  Grid grid;
+  grid.size = {2, 1, 1};
+  for (const double spacing_mm : {1e-160, 1e-40, 1e39, 1e150}) {
+    grid.spacing_mm = {1.0, spacing_mm, 1.0};
+    expect_input_error([&] { write_volume(CtVolume(grid), path_); },
+                       {path_.string(), "spacing", "NIfTI"});
+  }
+  grid.spacing_mm.setOnes();
+  grid.origin_mm = {0.0, 0.0, -1e39};
+  expect_input_error([&] { write_volume(CtVolume(grid), path_); },
+                     {path_.string(), "origin", "NIfTI"});
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
+  for (const double spacing_mm : {1e-30, 1e30}) {
+    grid.origin_mm = {0.0, 0.0, -1e30};
+    grid.spacing_mm = {1.0, spacing_mm, 1.0};
+    write_volume(CtVolume(grid), path_);
+    EXPECT_NO_THROW(read_volume<std::int16_t>(path_)) << spacing_mm;
+  }
+}
+
 TEST_F(Nifti, NamesWhatIsWrongInTheHeader) {
   expect_refused(NiftiFile().put(0, std::int32_t{540}), {"NIfTI-2"});
   expect_refused(NiftiFile().put(0, std::int32_t{17}), {"'sizeof_hdr'", "17"});
@@ -163,7 +193,7 @@ TEST_F(Nifti, NamesWhatIsWrongInTheHeader) {
   expect_refused(NiftiFile().put(108, 0.0F), {"'vox_offset'", ">= 352"});
   expect_refused(NiftiFile().put(108, 1e30F), {"'vox_offset'", "<= 2^31"});
   expect_refused(NiftiFile().put(108, NAN), {"'vox_offset'", "nan"});
-  expect_refused(NiftiFile().put(112, NAN), {"'scl_slope'", "nan"});
+  expect_refused(NiftiFile().put(112, 2.0F).put(116, NAN), {"'scl_inter'", "nan"});
   expect_refused(NiftiFile().put(254, std::int16_t{0}), {"'qform_code'", "both 0"});
   expect_refused(NiftiFile().put(280, NAN), {"'srow'", "nan"});
   expect_refused(NiftiFile().put(280, 0.3F), {"sheared"});

@@ -83,6 +83,9 @@ TEST(PreScanNrrd, ReadsWindowsLineEndsAndADetachedDataFile) {
         read_prescan_nrrd(spit(folder.path() / "b.nhdr", header + "data file: ../etc/passwd\r\n"));
       },
       {"data file", "same folder"});
+  expect_input_error(
+      [&] { read_prescan_nrrd(spit(folder.path() / "c.nhdr", header + "data file: no.raw\r\n")); },
+      {"c.nhdr", "'data file'", "no.raw", "does not exist"});
 }
 
 Eigen::Isometry3d arbitrary_pose() {
@@ -236,8 +239,10 @@ TEST(PreScanNrrd, RefusesWhatIsMissingDoubleOrContradicted) {
          {"line_angles_deg", "line_pitch_deg", "neither"});
   refuse(replaced(good, "line_pitch_deg:=90\n", "line_pitch_deg:=90\nline_angles_deg:=-45 45\n"),
          {"line_angles_deg", "line_pitch_deg", "both"});
-  refuse(replaced(good, "start_depth_mm", "start_depth_mm:=1.5\nstart_depth_mm"),
+  refuse(replaced(good, "start_depth_mm", "start_depth_mm:=1.6\nstart_depth_mm"),
          {"start_depth_mm", "twice"});
+  EXPECT_NO_THROW(
+      read_prescan(replaced(good, "start_depth_mm", "start_depth_mm:=1.5\nstart_depth_mm")));
   refuse(replaced(good, "sizes", "sizes: 3 2 2\nsizes"), {"sizes", "twice"});
   refuse(replaced(good, "frame_travel_deg", "frame_travell_deg"), {"frame_travell_deg", "unknown"});
   refuse(replaced(good, "frame_travel_deg", "usct_travel"), {"usct_travel", "unknown"});

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/io/bad_files.h"
+#include "core/io/replaced.h"
 #include "us_ct_registration/io/results/result_io.h"
 
 namespace usct {
@@ -21,7 +22,8 @@ RegistrationResult registered() {
                    Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized());
   result.similarity = 0.123456789012345678;
   result.overlap = 1.0 / 3.0;
-  result.covariance = Eigen::Matrix<double, 6, 6>::Random();
+  const Eigen::Matrix<double, 6, 6> root = Eigen::Matrix<double, 6, 6>::Random();
+  result.covariance = root * root.transpose();
   result.candidates = {{*result.T_us_ct, 0.5, 0.9}, {Eigen::Isometry3d::Identity(), 0.4, 0.8}};
   result.evaluations = 1500;
   result.seconds = {{"coarse", 0.1}, {"fine", 0.02}};
@@ -137,12 +139,31 @@ TEST(ResultIo, NamesTheKeyThatIsWrong) {
   refuse([](Json& j) { j["T_us_ct"][0] = 2; }, {"T_us_ct", "rotation", "determinant"});
   refuse([](Json& j) { j["T_us_ct"][15] = 2; }, {"T_us_ct", "last row"});
   refuse([](Json& j) { j["covariance"] = {1, 2}; }, {"covariance", "36"});
+  refuse([](Json& j) { j["covariance"][0] = -1; }, {"covariance", "negative variance"});
+  refuse([](Json& j) { j["covariance"][1] = 1e3; }, {"covariance", "symmetric"});
+  refuse([](Json& j) { j["covariance"][1] = j["covariance"][6] = 1e3; },
+         {"covariance", "semidefinite"});
+  refuse([](Json& j) { j["overlap"] = 1.01; }, {"result.json", "'overlap' is 1.01", "[0, 1]"});
+  refuse([](Json& j) { j["candidates"][1]["overlap"] = -0.5; }, {"candidate 1", "'overlap'"});
   refuse([](Json& j) { j["evaluations"] = -1; }, {"evaluations"});
   refuse([](Json& j) { j["evaluations"] = 1e12; }, {"evaluations"});
   refuse([](Json& j) { j["seconds"] = {{"coarse", "x"}}; }, {"seconds"});
   refuse([](Json& j) { j["candidates"][1].erase("overlap"); }, {"candidate 1", "overlap"});
   refuse([](Json& j) { j["candidates"] = 3; }, {"candidates"});
   expect_input_error([] { read_result_from("[1, 2]"); }, {"result.json", "object"});
+}
+
+/// The library would keep the last value, which need not be the one that a person sees.
+TEST(ResultIo, AKeyGivenTwiceIsRefused) {
+  const std::string good = text_of(registered());
+  expect_input_error(
+      [&] {
+        read_result_from(test::replaced(good, "\"overlap\"", "\"message\": \"\", \"overlap\""));
+      },
+      {"result.json", "'message'", "twice"});
+  expect_input_error(
+      [&] { read_result_from(test::replaced(good, "\"fine\"", "\"coarse\": 1, \"fine\"")); },
+      {"result.json", "'coarse'", "twice"});
 }
 
 TEST(ResultIo, RefusesBrokenFiles) {

@@ -8,6 +8,8 @@
 #include <future>
 
 #include "core/io/bad_files.h"
+#include "core/io/file_size_limit.h"
+#include "core/io/itk_oracle.h"
 #include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct {
@@ -25,19 +27,6 @@ TEST(TransformIo, AFileWithoutParametersIsNotTheIdentity) {
   for (const char* rest : {"", "Parameters: 1 0 0 0 1 0 0 0 1 10 20 3"})
     expect_input_error([&] { read_T_us_ct(spit(folder.path() / "t.tfm", header + rest)); },
                        {"t.tfm", "FixedParameters"});
-}
-
-TEST(TransformIo, ParametersThatAreNoNumbersOrTooFewAreNotRead) {
-  const TemporaryFolder folder;
-  const std::string header =
-      "#Insight Transform File V1.0\n#Transform 0\nTransform: Euler3DTransform_double_3_3\n";
-  const std::string fixed = "\nFixedParameters: 0 0 0\n";
-  for (const char* parameters : {"-inf 0.1 0.3 4 -1 2", "- 0.1 0.3 4 -1 2", "0.1 0.3 4 -1 2", ""})
-    expect_input_error(
-        [&] {
-          read_T_us_ct(spit(folder.path() / "t.tfm", header + "Parameters: " + parameters + fixed));
-        },
-        {"t.tfm", "'Parameters'"});
 }
 
 const char* const kExtensions[] = {".tfm", ".txt", ".h5", ".hdf5"};
@@ -118,6 +107,129 @@ TEST(TransformIo, EveryLinearTransformThatIsARotation) {
             Eigen::Vector3d(-1, -2, -3));
 }
 
+/// ITK's own reader takes missing numbers from beyond the end of those that are there, reads a
+/// fixed one up to what is no digit, and leaves surplus ones out.
+TEST(TransformIo, ParametersMustBeJustAsManyNumbers) {
+  const auto refuse = [](const std::string& parameters, const std::string& fixed,
+                         const std::string& field) {
+    for (const std::string precision : {"double", "float"}) {
+      SCOPED_TRACE(precision + ": " + parameters + " / " + fixed);
+      expect_input_error(
+          [&] {
+            read_transform_from(tfm("Euler3DTransform_" + precision + "_3_3", parameters, fixed));
+          },
+          {"t.tfm", "'" + field + "'"});
+    }
+  };
+  const std::string good = "0.1 0.2 0.3 4 -1 2";
+  EXPECT_NO_THROW(read_transform_from(tfm("Euler3DTransform_float_3_3", good, "10 20 30")));
+  for (const char* parameters :
+       {"-inf 0.1 0.3 4 -1 2", "- 0.1 0.3 4 -1 2", "0.1 0.3 4 -1 2", "0.1 0.2 0.3 4 -1 2 9", ""})
+    refuse(parameters, "10 20 30", "Parameters");
+  for (const char* fixed : {"10 20 3O", "10 20 30,5", "10 20", "10 20 nan", "10 20 30 0 0", ""})
+    refuse(good, fixed, "FixedParameters");
+  expect_input_error(
+      [&] {
+        read_transform_from(tfm("Euler3DTransform_double_3_3", good, "1 2 3") +
+                            "FixedParameters: 1 2 4\n");
+      },
+      {"t.tfm", "'FixedParameters'", "twice"});
+}
+
+TEST(TransformIo, ParametersInHdf5MustBeJustAsManyNumbersToo) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "t.h5";
+  const std::string euler = "Euler3DTransform_double_3_3";
+  const std::vector<double> good = {0.1, 0.2, 0.3, 1, 2, 3};
+  const auto read = [&](const test::ItkTransform& transform, bool with_fixed_parameters = true) {
+    test::write_hdf5_transform(transform, with_fixed_parameters, path);
+    return read_T_us_ct(path);
+  };
+  EXPECT_NO_THROW(read({euler, good, {0, 0, 0}}));
+  EXPECT_NO_THROW(read({"Euler3DTransform_float_3_3", good, {0, 0, 0, 1}}));
+  for (const std::vector<double>& parameters : {std::vector<double>{},
+                                                {0.1, 0.2, 0.3},
+                                                {0.1, 0.2, 0.3, 1, 2},
+                                                {0.1, 0.2, 0.3, 1, 2, 3, 9},
+                                                {0.1, NAN, 0.3, 1, 2, 3},
+                                                std::vector<double>(100000)})
+    expect_input_error([&] { read({euler, parameters, {0, 0, 0}}); }, {"t.h5", "Parameters'"});
+  for (const std::vector<double>& fixed : {std::vector<double>{5}, {0, 0, NAN}, {0, 0, 0, 0, 0}})
+    expect_input_error([&] { read({euler, good, fixed}); }, {"t.h5", "'FixedParameters'"});
+  expect_input_error([&] { read({euler, good, {}}, false); }, {"t.h5", "'FixedParameters'"});
+  expect_input_error(
+      [&] {
+        read({"VersorTransform_double_3_3", {0.1}, {0, 0, 0}});
+      },
+      {"t.h5", "'Parameters'", "must be 3"});
+  expect_input_error(
+      [&] {
+        read({"VersorRigid3DTransform_double_3_3", {1.5, 0, 0, 0, 0, 0}, {0, 0, 0}});
+      },
+      {"t.h5", "longer than 1"});
+  expect_input_error(
+      [&] {
+        read({"BSplineTransform_double_3_3", good, {}});
+      },
+      {"t.h5", "BSplineTransform", "linear"});
+}
+
+TEST(TransformIo, WhatItkWritesAndReadsIsTheSame) {
+  const TemporaryFolder folder;
+  const test::ItkTransform euler{
+      "Euler3DTransform_double_3_3", {0.1, 0.2, 0.3, 1, 2, 3}, {4, 5, 6, 1}};
+  const test::ItkTransform versor{
+      "VersorRigid3DTransform_double_3_3", {0.1, 0.2, 0.3, 1, 2, 3}, {4, 5, 6}};
+  const test::ItkTransform shift{"TranslationTransform_double_3_3", {1, 2, 3}, {}};
+  const test::ItkTransform nothing{"IdentityTransform_double_3_3", {}, {}};
+  const test::ItkTransform centred{
+      "CenteredEuler3DTransform_double_3_3", {0.1, 0.2, 0.3, 4, 5, 6, 1, 2, 3}, {4, 5, 6}};
+  const std::array<double, 3> point = {100, -50, 20};
+  const auto expect_as_itk = [&](const std::filesystem::path& path) {
+    const std::array<double, 3> moved = test::moved_by_itk(path, point);
+    const Eigen::Vector3d ours =
+        read_T_us_ct(path).inverse() * Eigen::Vector3d(point[0], point[1], point[2]);
+    EXPECT_LT((ours - Eigen::Vector3d(moved[0], moved[1], moved[2])).norm(), 1e-9) << path;
+  };
+  for (const char* extension : {".tfm", ".h5"}) {
+    const std::filesystem::path path = folder.path() / (std::string("t") + extension);
+    for (const std::vector<test::ItkTransform>& parts : {std::vector<test::ItkTransform>{euler},
+                                                         {versor},
+                                                         {shift},
+                                                         {nothing},
+                                                         {centred},
+                                                         {euler, shift, versor}}) {
+      SCOPED_TRACE(parts.front().type);
+      test::write_by_itk(parts, path);
+      expect_as_itk(path);
+    }
+    write_T_us_ct(Eigen::Translation3d(10, 20, 30) *
+                      Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized()),
+                  path);
+    expect_as_itk(path);
+  }
+}
+
+TEST(TransformIo, AFullDiskLeavesTheOldFile) {
+  const TemporaryFolder folder;
+  for (const char* extension : kExtensions) {
+    SCOPED_TRACE(extension);
+    const std::filesystem::path path = folder.path() / (std::string("t") + extension);
+    const Eigen::Isometry3d old(Eigen::Translation3d(10, 20, 30));
+    write_T_us_ct(old, path);
+    try {
+      const test::FileSizeLimit full(16);
+      write_T_us_ct(Eigen::Isometry3d::Identity(), path);
+      ADD_FAILURE() << "no error was thrown";
+    } catch (const std::runtime_error& error) {
+      EXPECT_EQ(error.what(), path.string() + ": writing failed: File too large");
+    }
+    EXPECT_EQ(distance(read_T_us_ct(path), old), 0.0);
+    std::filesystem::remove(path);
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  }
+}
+
 /// ITK's own reader of this type leaves the centre out.
 TEST(TransformIo, AVersorTurnsAboutItsCentre) {
   const Eigen::Vector3d c(1, 2, 3);
@@ -135,9 +247,13 @@ TEST(TransformIo, AVersorTurnsAboutItsCentre) {
 
 /// As of a decimal point that has slipped; ITK would cut it down to half a turn.
 TEST(TransformIo, AVersorLongerThanOneIsRefused) {
-  for (const char* type : {"VersorRigid3DTransform_double_3_3", "Similarity3DTransform_double_3_3"})
-    expect_input_error([&] { read_transform_from(tfm(type, "0 0 2.474 1 2 3 1", "0 0 0")); },
-                       {"t.tfm", "longer than 1"});
+  const std::string rigid = "0 0 2.474 1 2 3";
+  const auto refuse = [](const std::string& content) {
+    expect_input_error([&] { read_transform_from(content); }, {"t.tfm", "longer than 1"});
+  };
+  refuse(tfm("VersorRigid3DTransform_double_3_3", rigid, "0 0 0"));
+  refuse(tfm("VersorRigid3DTransform_float_3_3", rigid, "0 0 0"));
+  refuse(tfm("Similarity3DTransform_double_3_3", rigid + " 1", "0 0 0"));
 }
 
 TEST(TransformIo, EulerAnglesInItksOrder) {

@@ -2,6 +2,7 @@
 
 #include "core/io/example_volumes.h"
 #include "core/io/expect_input_error.h"
+#include "core/io/file_size_limit.h"
 #include "core/io/file_text.h"
 #include "core/io/itk_oracle.h"
 #include "core/io/temporary_folder.h"
@@ -51,7 +52,20 @@ TEST(Nrrd, DetachedDataWithBytesBefore) {
     EXPECT_EQ(read_volume<std::int16_t>(header).voxels, kVoxels);
   }
   fs::remove(folder.path() / "a.bin");
-  expect_input_error([&] { read_volume<std::int16_t>(header); }, {"a.bin", "does not exist"});
+  expect_input_error([&] { read_volume<std::int16_t>(header); },
+                     {header.string(), "'data file'", "a.bin", "does not exist"});
+}
+
+/// As its library and ITK read it.
+TEST(Nrrd, NamesOfFieldsInCapitalsAndPairsGivenAgain) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.nrrd";
+  const std::string capitals =
+      replaced(replaced(kNrrd, "sizes", "Sizes"), "space origin", "SPACE Origin");
+  write_text(path, replaced(capitals, "key:=", "key:=value: with colon\nKey:=2\nkey:=") +
+                       kBigEndianVoxels);
+  EXPECT_EQ(read_volume<std::int16_t>(path).voxels, kVoxels);
+  EXPECT_EQ(test::read_by_itk(path).voxels, kVoxels);
 }
 
 TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
@@ -82,7 +96,8 @@ TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
        {"(0,2,0)", "(0,2,0.2)", {"'space directions'", "90", "sheared"}},
        {"kinds: domain", "kinds: vector", {"'kinds'", "vector"}},
        {"\"mm\" \"mm\"", "\"mm\" \"um\"", {"'space units'", "um"}},
-       {"endian: big", "endian: big\nendian: little", {"'endian'", "twice"}},
+       {"endian: big", "endian: big\nEndian: little", {"'Endian'", "twice"}},
+       {"key:=", "key:=other\nkey:=", {"'key'", "twice"}},
        {"# comment", "no colon", {"no colon"}}});
 }
 
@@ -149,12 +164,22 @@ TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
        {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0.1 0", {"'TransformMatrix'"}},
        {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0", {"'TransformMatrix'", "9 numbers"}},
        {"Offset = 10 20 30\n", "", {"'Offset'", "missing"}},
-       {"MET_SHORT", "MET_LONG", {"'ElementType'", "MET_LONG"}},
+       {"MET_SHORT",
+        "MET_LONG",
+        {"'ElementType' is 'MET_LONG'", "MET_INT", "MET_LONG_LONG", "MET_FLOAT"}},
+       {"NDims = 3",
+        "NDims = 3\nElementToIntensityFunctionSlope = 2.0",
+        {"FunctionSlope' is '2.0'", "1"}},
+       {"NDims = 3",
+        "NDims = 3\nElementToIntensityFunctionOffset = -1024",
+        {"FunctionOffset'", "0"}},
        {"BinaryDataByteOrderMSB = True\n", "", {"'BinaryDataByteOrderMSB'", "missing"}},
        {"BinaryData = True", "BinaryData = False", {"'BinaryData'"}},
        {"CompressedData = False", "CompressedData = True", {"damaged"}},
        {"NDims = 3", "NDims = 3\nElementNumberOfChannels = 3", {"'ElementNumberOfChannels'"}},
-       {"ElementDataFile = LOCAL", "ElementDataFile = gone.raw", {"gone.raw", "does not exist"}},
+       {"ElementDataFile = LOCAL",
+        "ElementDataFile = gone.raw",
+        {"'ElementDataFile'", "gone.raw", "does not exist"}},
        {"ElementDataFile = LOCAL", "ElementDataFile = LIST", {"'ElementDataFile'", "LIST"}},
        {"ElementDataFile = LOCAL\n", "", {"must be 'Field = value'"}}});
 }
@@ -168,6 +193,73 @@ TEST(MetaImage, AFieldThatIsGivenTwiceMustAgree) {
   write_text(path, replaced(twice, "Position = 10 20 30", "Position = 1 2 3") + kBigEndianVoxels);
   expect_input_error([&] { read_volume<std::int16_t>(path); },
                      {path.string(), "'Position' is '1 2 3'", "'Offset'", "10 20 30"});
+}
+
+TEST(MetaImage, AScaleOfOneIsNoneInAnySpelling) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.mha";
+  write_text(path, replaced(kMeta, "NDims = 3",
+                            "NDims = 3\nElementToIntensityFunctionSlope = 1.0\n"
+                            "ElementToIntensityFunctionOffset = -0.0") +
+                       kBigEndianVoxels);
+  EXPECT_EQ(read_volume<std::int16_t>(path).voxels, kVoxels);
+}
+
+/// Its new header had stood beside the voxels of the old one.
+TEST(MetaImage, ALinkIsFollowedToHeaderAndVoxels) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder.path() / "store");
+  fs::create_directory(folder.path() / "case");
+  const CtVolume old = test::sampled(test::example_grids().front().grid);
+  CtVolume volume = old;
+  for (std::int16_t& voxel : volume.voxels) voxel = static_cast<std::int16_t>(voxel + 1);
+  write_volume(old, folder.path() / "store" / "there.mhd");
+  for (const std::string name : {"there.mhd", "new.mhd"}) {
+    SCOPED_TRACE(name);
+    const fs::path link = folder.path() / "case" / name;
+    fs::create_symlink(fs::path("../store") / name, link);
+    write_volume(volume, link);
+    EXPECT_TRUE(fs::is_symlink(link));
+    EXPECT_EQ(read_volume<std::int16_t>(folder.path() / "store" / name).voxels, volume.voxels);
+    EXPECT_EQ(read_volume<std::int16_t>(link).voxels, volume.voxels);
+    EXPECT_FALSE(fs::exists(fs::path(link).replace_extension(".raw")));
+  }
+}
+
+TEST(MetaImage, NamesThatAHeaderCannotHoldAreNotWritten) {
+  const TemporaryFolder folder;
+  const CtVolume volume = test::sampled(test::example_grids().front().grid);
+  for (const char* name : {"a%d.mhd", " a.mhd", "a\nb.mhd", "LIST.mhd"})
+    expect_input_error([&] { write_volume(volume, folder.path() / name); },
+                       {folder.path().string(), "name", ".mha"});
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+  for (const char* name : {"a%d.mha", " a.mha", "a b.mhd", "LOCAL.mhd"}) {
+    write_volume(volume, folder.path() / name);
+    EXPECT_EQ(read_volume<std::int16_t>(folder.path() / name).voxels, volume.voxels) << name;
+  }
+}
+
+TEST(MetaImage, AFullDiskLeavesTheOldHeaderAndVoxels) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.mhd";
+  const CtVolume volume = test::sampled(test::example_grids().front().grid);
+  write_volume(volume, path);
+  CtVolume larger = volume;
+  larger.grid.size = {100, 100, 1};
+  larger.voxels.resize(10000);
+  // The header has some hundred bytes.
+  for (const auto& [limit, written] :
+       {std::pair<rlim_t, const char*>{100, "a.mhd"}, {1000, "a.raw"}}) {
+    try {
+      const test::FileSizeLimit full(limit);
+      write_volume(larger, path);
+      ADD_FAILURE() << "no error was thrown";
+    } catch (const std::runtime_error& error) {
+      EXPECT_EQ(error.what(),
+                (folder.path() / written).string() + ": writing failed: File too large");
+    }
+    EXPECT_EQ(read_volume<std::int16_t>(path).voxels, volume.voxels);
+  }
 }
 
 /// The voxels of another volume may be those of the one that is converted.

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "io/json_members.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 
@@ -18,9 +19,6 @@ namespace fs = std::filesystem;
 using UnorderedJson = nlohmann::json;
 
 constexpr const char* kFormat = "us_ct_registration alignment 2";
-// The content has three levels. Thousands, in a damaged file, would exhaust the stack where they
-// are written as text.
-constexpr int kDeepest = 8;
 
 std::uint32_t checksum(const UnorderedJson& content) {
   const std::string text = content.dump();
@@ -75,12 +73,7 @@ StoredAlignment read_alignment(const fs::path& path) {
   std::ifstream file(path);
   if (!file || fs::is_directory(path)) throw InputError(path.string(), "cannot be read");
   try {
-    const UnorderedJson json = UnorderedJson::parse(
-        file, [&](int depth, UnorderedJson::parse_event_t, const UnorderedJson&) {
-          if (depth > kDeepest)
-            throw InputError(path.string(), "is damaged: it is nested too deeply");
-          return true;
-        });
+    const auto json = io::parse_json<UnorderedJson>(file, path.string());
     const UnorderedJson& content = json.at("content");
     if (json.at("crc32").get<std::uint32_t>() != checksum(content))
       throw InputError(path.string(), "is damaged: its checksum is not that of its content");

@@ -1,76 +1,53 @@
-#include <itkTxtTransformIO.h>
-
 #include <algorithm>
-#include <cmath>
 #include <string_view>
-#include <vector>
 
 #include "io/bytes.h"
 #include "io/results/itk_transform_files.h"
-#include "text.h"
+#include "us_ct_registration/io/atomic_file.h"
 
 namespace usct::io {
 namespace {
 
-/// Throws InputError unless `parameters` are as many finite numbers as a linear transform of this
-/// type needs. ITK reads them up to what is no number, and then uses what is beyond their end.
-void require_parameters(std::string_view parameters, const std::string& type,
-                        const std::string& source) {
-  const std::vector<double> values = parse_doubles(parameters, source, "Parameters");
-  const std::size_t count = values.size();
-  const itk::LightObject::Pointer object = itk::ObjectFactoryBase::CreateInstance(type.c_str());
-  const auto* transform = dynamic_cast<const AnyTransform*>(object.GetPointer());
-  if (transform == nullptr || !transform->IsLinear()) return;
-  if (count < transform->GetNumberOfParameters())
-    throw InputError(source, "'Parameters' has " + std::to_string(count) + " numbers, a " + type +
-                                 " needs " + std::to_string(transform->GetNumberOfParameters()));
-  // The vector part of a unit quaternion, which ITK would cut down to a half turn.
-  constexpr double kMostVersor = 1.0 + 1e-6;
-  const bool is_versor =
-      type.find("Versor") != std::string::npos || type.find("Similarity3D") != std::string::npos;
-  if (is_versor && std::hypot(values[0], values[1], values[2]) > kMostVersor)
-    throw InputError(source, "'Parameters' of a " + type +
-                                 " begin with a versor longer than 1, which is no rotation");
+void put(std::string_view numbers, const std::string& name, const std::string& source,
+         std::optional<std::vector<double>>& values) {
+  if (values) throw InputError(source, "'" + name + "' are given twice for a transform");
+  values = parse_doubles(numbers, source, name);
 }
 
-/// Throws InputError for a text file that ends before its parameters, which ITK would read as the
-/// identity without an error, or whose parameters are not complete.
-void require_complete_text(const std::filesystem::path& path) {
-  const Bytes bytes = read_bytes(path);
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  int transforms = 0;
-  int parameters = 0;
-  int fixed_parameters = 0;
-  std::string type;
-  for (const std::string_view line : split(text, '\n')) {
-    const std::size_t colon = std::min(line.find(':'), line.size());
-    const std::string_view name = line.substr(0, colon);
-    const std::string_view value = trimmed(line.substr(std::min(colon + 1, line.size())));
-    if (name == "Transform") type = value;
-    if (name == "Parameters") require_parameters(value, type, path.string());
-    const bool composite = line.find("CompositeTransform") != std::string_view::npos;
-    transforms += name == "Transform" && !composite ? 1 : 0;
-    parameters += name == "Parameters" ? 1 : 0;
-    fixed_parameters += name == "FixedParameters" ? 1 : 0;
+/// Lines "Name: value": a transform is a line `Transform`, and those of its parameters follow.
+std::vector<StoredTransform> parse(std::string_view text, const std::string& source) {
+  std::vector<StoredTransform> transforms;
+  for (const std::string_view whole : split(text, '\n')) {
+    const std::string_view line = trimmed(whole);
+    if (line.empty() || line.front() == '#') continue;
+    const std::size_t colon = line.find(':');
+    if (colon == std::string_view::npos)
+      throw InputError(source, kNoTransformFile + "line " + in_quotes(line) + " has no ':'");
+    const std::string name(trimmed(line.substr(0, colon)));
+    const std::string_view value = trimmed(line.substr(colon + 1));
+    if (name == "Transform") {
+      transforms.push_back({std::string(value), {}, {}});
+      continue;
+    }
+    if (name != "Parameters" && name != "FixedParameters") continue;
+    if (transforms.empty())
+      throw InputError(source, kNoTransformFile + "'" + name + "' stand before any 'Transform'");
+    put(value, name, source,
+        name == "Parameters" ? transforms.back().parameters : transforms.back().fixed_parameters);
   }
-  if (transforms == 0) throw InputError(path.string(), "is not an ITK transform file");
-  if (parameters != transforms || fixed_parameters != transforms)
-    throw InputError(path.string(), "has " + std::to_string(transforms) + " transforms, but " +
-                                        std::to_string(parameters) + " 'Parameters' and " +
-                                        std::to_string(fixed_parameters) + " 'FixedParameters'");
+  return transforms;
 }
-
-TransformIo text_io() { return itk::TxtTransformIOTemplate<double>::New().GetPointer(); }
 
 LinearMap read(const std::filesystem::path& path) {
   const auto lock = lock_itk_transforms();
-  require_complete_text(path);
-  return read_by(text_io(), path);
+  const Bytes bytes = read_bytes(path);
+  return linear_map(parse(text_view(bytes), path.string()), path.string());
 }
 
 void write(const LinearMap& map, const std::filesystem::path& path) {
-  const auto lock = lock_itk_transforms();
-  write_by(text_io(), map, path);
+  write_text(path, std::string("#Insight Transform File V1.0\n#Transform 0\nTransform: ") +
+                       kWrittenType + "\nParameters: " + format_doubles(written_parameters(map)) +
+                       "\nFixedParameters: " + format_doubles(kWrittenCentre) + "\n");
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 
 #include "io/bytes.h"
 #include "io/json_members.h"
+#include "text.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
+#include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/atomic_file.h"
 
 namespace usct {
@@ -15,12 +17,22 @@ using io::Members;
 using io::number_json;
 using io::pose_json;
 
+/// The overlap is a fraction, or not known.
+void check_overlap(double overlap, const std::string& source) {
+  if (overlap < 0.0 || overlap > 1.0)
+    throw InputError(source, "'overlap' is " + format_double(overlap) + ", must be in [0, 1]");
+}
+
 void check(const RegistrationResult& result, const std::string& source) {
   const bool registered = result.status == RegistrationStatus::kRegistered;
   if (registered != result.T_us_ct.has_value())
     throw InputError(source, std::string("status is '") + status_name(result.status) +
                                  "', 'T_us_ct' must be " + (registered ? "a transform" : "null"));
   if (result.T_us_ct) require_rotation(result.T_us_ct->linear(), source, "T_us_ct");
+  if (result.covariance) require_covariance(*result.covariance, source);
+  check_overlap(result.overlap, source);
+  for (std::size_t i = 0; i < result.candidates.size(); ++i)
+    check_overlap(result.candidates[i].overlap, source + ": candidate " + std::to_string(i));
 }
 
 Json candidates_json(const std::vector<RegistrationCandidate>& candidates) {
@@ -44,10 +56,10 @@ std::vector<RegistrationCandidate> read_candidates(const Json& list, const std::
   return candidates;
 }
 
-Json parse_json(const std::filesystem::path& path) {
+Json read_json(const std::filesystem::path& path) {
   const io::Bytes bytes = io::read_bytes(path);
   try {
-    return Json::parse(bytes);
+    return io::parse_json<Json>(bytes, path.string());
   } catch (const Json::exception& error) {
     throw InputError(path.string(), std::string("is not valid JSON: ") + error.what());
   }
@@ -57,7 +69,7 @@ Json parse_json(const std::filesystem::path& path) {
 
 RegistrationResult read_result(const std::filesystem::path& path) {
   const std::string source = path.string();
-  const Json json = parse_json(path);
+  const Json json = read_json(path);
   const Members members(json, source,
                         {"status", "message", "T_us_ct", "similarity", "overlap", "covariance",
                          "candidates", "measures", "evaluations", "seconds", "options", "version"});

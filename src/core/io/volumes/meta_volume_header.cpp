@@ -82,8 +82,12 @@ void check_is_plain_volume(const HeaderFields& fields) {
   must_be("NDims", "3", true);
   must_be("ElementNumberOfChannels", "1", false);
   must_be("DistanceUnits", "mm", false);
-  must_be("ElementToIntensityFunctionSlope", "1", false);
-  must_be("ElementToIntensityFunctionOffset", "0", false);
+  const auto must_equal = [&](const std::string& field, double value) {
+    if (fields.find(field) && fields.require_doubles(field, 1)[0] != value)
+      fields.refuse(field, format(value));
+  };
+  must_equal("ElementToIntensityFunctionSlope", 1.0);
+  must_equal("ElementToIntensityFunctionOffset", 0.0);
   if (fields.find("BinaryData") && !is_true(fields, "BinaryData"))
     fields.refuse("BinaryData", "True");
 }
@@ -108,9 +112,10 @@ Grid meta_grid(const HeaderFields& fields) {
 
 Component meta_component(const HeaderFields& fields) {
   const auto found = meta_types().find(fields.require("ElementType"));
-  if (found == meta_types().end())
-    fields.refuse("ElementType", "MET_CHAR to MET_ULONG_LONG, MET_FLOAT or MET_DOUBLE");
-  return found->second;
+  if (found != meta_types().end()) return found->second;
+  std::string known;  // MET_LONG is not: its size depends on the machine that wrote it
+  for (const auto& [name, component] : meta_types()) known += (known.empty() ? "" : ", ") + name;
+  fields.refuse("ElementType", "one of " + known);
 }
 
 void locate_data(const fs::path& path, const MetaText& text, VolumeHeader& header) {
@@ -126,9 +131,20 @@ void locate_data(const fs::path& path, const MetaText& text, VolumeHeader& heade
   if (header_size < -1 || (header_size > 0 && local)) fields.refuse("HeaderSize", ">= -1");
   if (header_size > 0) header.begin = static_cast<std::uintmax_t>(header_size);
   if (header_size == -1) {  // the voxels are the end of the file
-    const std::uintmax_t bytes = data_file_bytes(path.string(), header.data_file);
+    const std::uintmax_t bytes = fs::file_size(header.data_file);
     if (bytes >= header.voxel_bytes()) header.begin = bytes - header.voxel_bytes();
   }
+}
+
+/// Readers trim the name and end it with the line; for MetaIO a '%' makes it a pattern, and LIST at
+/// its begin announces a list of files.
+void check_data_file_name(const std::string& source, const std::string& name) {
+  if (trimmed(name) != name || name.find_first_of("%\r\n") != std::string::npos ||
+      name.substr(0, 4) == "LIST")
+    throw InputError(source,
+                     "the file with its voxels would be " + in_quotes(name) +
+                         ", must have a name without '%' and line breaks that begins "
+                         "neither with a blank nor with LIST: choose another name, or .mha");
 }
 
 }  // namespace
@@ -151,7 +167,9 @@ VolumeHeader read_meta_header(const fs::path& path) {
   return header;
 }
 
-Bytes meta_header(const Grid& grid, Component component, const std::string& data_file) {
+Bytes meta_header(const std::string& source, const Grid& grid, Component component,
+                  const std::string& data_file) {
+  check_data_file_name(source, data_file);
   std::string type;
   for (const auto& [name, known] : meta_types())
     if (known == component) type = name;

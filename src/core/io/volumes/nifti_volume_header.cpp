@@ -222,10 +222,28 @@ Form read_form(const NiftiBytes& file, const Eigen::Vector3i& size) {
 }
 
 void read_scaling(const NiftiBytes& file, VolumeHeader& header) {
-  const double slope = file.number(112, "scl_slope");
-  if (slope == 0.0) return;  // nifti1.h: a slope of 0 means that values are not scaled
+  const double slope = file.get<float>(112);
+  // nifti1.h: a slope of 0 means that values are not scaled. nibabel writes NaN for that, and its
+  // reader and that of the NIfTI library take any slope that is not finite so.
+  if (slope == 0.0 || !std::isfinite(slope)) return;
   header.scale = slope;
   header.offset = file.number(116, "scl_inter");
+}
+
+/// Throws InputError if the header's numbers of 16 and 32 bits cannot hold the grid.
+void check_fits_nifti(const std::string& source, const Grid& grid) {
+  if (grid.size.maxCoeff() > std::numeric_limits<std::int16_t>::max())
+    throw InputError(
+        source, "size is " + format(grid.size) + ", must be <= 32767 along each axis for NIfTI");
+  // Far enough from the limits of 32 bits that a step along an axis keeps its digits, too.
+  constexpr double kLeastMm = 1e-30;
+  constexpr double kMostMm = 1e30;
+  if (grid.spacing_mm.minCoeff() < kLeastMm || grid.spacing_mm.maxCoeff() > kMostMm)
+    throw InputError(source, "spacing is " + format(grid.spacing_mm) +
+                                 " mm, must be from 1e-30 to 1e30 for NIfTI (32-bit numbers)");
+  if (grid.origin_mm.cwiseAbs().maxCoeff() > kMostMm)
+    throw InputError(source, "origin is " + format(grid.origin_mm) +
+                                 " mm, must be within 1e30 of 0 for NIfTI (32-bit numbers)");
 }
 
 }  // namespace
@@ -261,9 +279,7 @@ VolumeHeader read_nifti_header(const fs::path& path) {
 }
 
 Bytes nifti_header(const std::string& source, const Grid& grid, Component component) {
-  if (grid.size.maxCoeff() > std::numeric_limits<std::int16_t>::max())
-    throw InputError(
-        source, "size is " + format(grid.size) + ", must be <= 32767 along each axis for NIfTI");
+  check_fits_nifti(source, grid);
   Bytes header(kLeastDataOffset, 0);
   const auto put = [&header](std::size_t offset, auto value) {
     std::memcpy(&header[offset], &value, sizeof(value));

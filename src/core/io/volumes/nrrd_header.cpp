@@ -39,23 +39,25 @@ void check_magic(std::string_view line, const std::string& source) {
     throw InputError(source, "is " + in_quotes(line) + ", must be NRRD0001 to NRRD0005");
 }
 
-void insert(std::map<std::string, std::string>& map, std::string_view name, std::string_view value,
-            const std::string& source) {
-  if (!map.emplace(name, value).second)
-    throw InputError(source, in_quotes(name) + " is given twice in the header");
+[[noreturn]] void refuse_second(std::string_view name, const std::string& source) {
+  throw InputError(source, in_quotes(name) + " is given twice in the header");
 }
 
 void parse_line(std::string_view line, NrrdHeader& header, const std::string& source) {
   const std::size_t colon = line.find(':');
   const char next =
       colon == std::string_view::npos || colon + 1 == line.size() ? '\0' : line[colon + 1];
-  if (next == '=')
-    insert(header.keys, line.substr(0, colon), line.substr(colon + 2), source);
-  else if (next == ' ')
-    insert(header.fields, line.substr(0, colon), trimmed(line.substr(colon + 2)), source);
-  else
+  if (next != '=' && next != ' ')
     throw InputError(
         source, "header line " + in_quotes(line) + " is neither 'field: value' nor 'key:=value'");
+  const std::string_view name = line.substr(0, colon);
+  const std::string_view value = line.substr(colon + 2);
+  if (next == '=') {
+    // The format lets a pair be given again; one of the two is not what was meant if they differ.
+    if (header.keys.emplace(name, value).first->second != value) refuse_second(name, source);
+  } else if (!header.fields.emplace(lower_case(name), trimmed(value)).second) {
+    refuse_second(name, source);
+  }
 }
 
 }  // namespace

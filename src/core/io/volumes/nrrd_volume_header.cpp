@@ -1,7 +1,6 @@
 // The header of NRRD volumes: the part of http://teem.sourceforge.net/nrrd/format.html that scalar
 // volumes with an orientation need.
 #include <algorithm>
-#include <cctype>
 #include <map>
 
 #include "io/bytes.h"
@@ -72,12 +71,6 @@ const char* nrrd_name(Component component) {
     default:
       return name_of(component);
   }
-}
-
-std::string lower_case(std::string s) {
-  std::transform(s.begin(), s.end(), s.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return s;
 }
 
 /// `count` vectors of three numbers, "(x,y,z) (x,y,z)", as columns.
@@ -169,7 +162,7 @@ void locate_data(const fs::path& path, const HeaderFields& fields, std::size_t h
   if (skip >= 0) {
     header.begin += static_cast<std::uintmax_t>(skip);
   } else {  // the voxels are the end of the file
-    const std::uintmax_t bytes = data_file_bytes(path.string(), header.data_file);
+    const std::uintmax_t bytes = fs::file_size(header.data_file);
     if (bytes >= header.voxel_bytes()) header.begin = bytes - header.voxel_bytes();
   }
 }

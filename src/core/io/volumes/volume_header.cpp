@@ -65,22 +65,12 @@ Grid grid_from_axes(const std::string& source, const std::string& field,
   return grid;
 }
 
-std::uintmax_t data_file_bytes(const std::string& source, const std::filesystem::path& data_file) {
-  try {
-    read_prefix(data_file, 1);  // throws unless it is a file that can be opened and is not empty
-  } catch (const InputError& error) {
-    if (data_file == source) throw;
-    throw InputError(source, "its data file '" + error.source() + "' " + error.violation());
-  }
-  return std::filesystem::file_size(data_file);
-}
-
 void check_data_size(const std::string& source, const std::string& field,
                      const VolumeHeader& header) {
   const double announced =
       header.grid.size.cast<double>().prod() * static_cast<double>(bytes_of(header.component));
   const bool raw = header.encoding == Encoding::kRaw;
-  const std::uintmax_t file_bytes = data_file_bytes(source, header.data_file);
+  const std::uintmax_t file_bytes = std::filesystem::file_size(header.data_file);
   const std::uintmax_t before = header.begin + (raw ? header.skip : 0);
   const double stored = file_bytes > before ? static_cast<double>(file_bytes - before) : 0.0;
   if (raw ? announced == stored : announced <= kDeflateLargestRatio * stored) return;

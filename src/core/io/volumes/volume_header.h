@@ -65,10 +65,14 @@ VolumeHeader read_meta_header(const std::filesystem::path& path);
 VolumeHeader read_nifti_header(const std::filesystem::path& path);
 
 /// Each of these makes the header of one format, for voxels that are little-endian and not
-/// compressed. `data_file` of MetaImage is LOCAL if the voxels follow the header.
+/// compressed.
 Bytes nrrd_header(const Grid& grid, Component component);
-Bytes meta_header(const Grid& grid, Component component, const std::string& data_file);
-/// Throws InputError, naming `source`, for more voxels along an axis than NIfTI can state.
+/// `data_file` is LOCAL if the voxels follow the header. Throws InputError, naming `source`, for a
+/// name that readers would not take for that of this one file.
+Bytes meta_header(const std::string& source, const Grid& grid, Component component,
+                  const std::string& data_file);
+/// Throws InputError, naming `source`, for more voxels along an axis than NIfTI can state, or for
+/// lengths beyond its 32-bit numbers.
 Bytes nifti_header(const std::string& source, const Grid& grid, Component component);
 
 /// A grid whose index axes step by the columns of `axes_mm`. Throws InputError, naming `source` and
@@ -77,10 +81,6 @@ Bytes nifti_header(const std::string& source, const Grid& grid, Component compon
 Grid grid_from_axes(const std::string& source, const std::string& field,
                     const Eigen::Vector3i& size, const Eigen::Matrix3d& axes_mm,
                     const Eigen::Vector3d& origin_mm);
-
-/// Size of the file that holds the voxels. Throws InputError, naming `source` (the header) and the
-/// file, if it is missing, cannot be read, or is empty.
-std::uintmax_t data_file_bytes(const std::string& source, const std::filesystem::path& data_file);
 
 /// Throws InputError unless the data file can hold the voxels that the header announces: raw voxels
 /// must fill it exactly, compressed ones must lie within the largest ratio of deflate. `field`

@@ -201,19 +201,21 @@ void check_is_own(const fs::path& data_file, const fs::path& header) {
 }
 
 template <typename T>
-void write_meta(const Volume<T>& volume, const fs::path& path) {
+void write_meta(const Volume<T>& volume, const fs::path& named) {
+  // The voxels stand beside the header, not beside a link to it.
+  const fs::path path = behind_links(named);
   const bool two_files = has_ending(path, ".mhd");
   const fs::path data_file = fs::path(path).replace_extension(".raw");
-  Bytes header = io::meta_header(volume.grid, component_of<T>(),
+  Bytes header = io::meta_header(path.string(), volume.grid, component_of<T>(),
                                  two_files ? data_file.filename().string() : "LOCAL");
   if (!two_files) return io::write_bytes(path, joined(std::move(header), volume.voxels));
   check_is_own(data_file, path);
   // A header never stands beside voxels that are not its own: the old one goes when the new voxels
   // are about to take their place, and the new one comes last.
   write_atomically(path, [&](const fs::path& new_header) {
-    io::write_bytes(new_header, header);
+    write_content(new_header, io::text_view(header), path);
     write_atomically(data_file, [&](const fs::path& new_data) {
-      io::write_bytes(new_data, joined({}, volume.voxels));
+      write_content(new_data, io::text_view(joined({}, volume.voxels)), data_file);
       fs::remove(path);
     });
   });
