@@ -199,6 +199,17 @@ TEST_F(DicomIrregular, TwoAcquisitionsThatAlternateAreRefused) {
                      {"2 acquisitions alternate", "acquisition_number"});
 }
 
+TEST_F(DicomIrregular, ACopyOfASliceDoesNotHideThatAcquisitionsAlternate) {
+  for (int k = 0; k < 6; ++k) {
+    add(2.0 * k);
+    slices_.back().acquisition_number = k % 2 == 0 ? 1 : 2;
+  }
+  slices_.push_back(slices_[3]);
+  write();
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {"2 acquisitions alternate", "acquisition_number"});
+}
+
 TEST_F(DicomIrregular, AcquisitionsOneAfterTheOtherAreOneCt) {
   for (int k = 0; k < 6; ++k) {
     add(2.0 * k);

@@ -144,6 +144,11 @@ std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& optio
         continue;
       slices.push_back(slice);
     }
+  // A stack keeps the first slice of those at one place. If two acquisitions have the same places,
+  // it is then the same one's everywhere.
+  std::stable_sort(slices.begin(), slices.end(), [](const Slice& a, const Slice& b) {
+    return a.info().acquisition_number < b.info().acquisition_number;
+  });
   return slices;
 }
 
@@ -173,8 +178,7 @@ void report_alternating(const std::vector<Slice>& slices, SliceStack& stack) {
 
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance) {
   SliceStack stack = stack_slices(poses_of(slices), tolerance);
-  const bool has_duplicates = stack.order.size() < slices.size();
-  if (stack.fatal.empty() && !has_duplicates) report_alternating(slices, stack);
+  if (stack.fatal.empty()) report_alternating(slices, stack);
   for (const Slice& slice : slices)
     if (slice.file->frame_of_reference_uid != slices.front().file->frame_of_reference_uid) {
       stack.fatal.push_back("slices differ in 'FrameOfReferenceUID': '" +

@@ -51,8 +51,8 @@ struct Slice {
   const DicomFrame& info() const { return file->images.frames[frame]; }
 };
 
-/// The slices of a series without its localizers; only those of the chosen acquisition, if the
-/// options choose one.
+/// The slices of a series without its localizers, by acquisition; only those of the chosen
+/// acquisition, if the options choose one.
 std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& options);
 
 std::vector<SlicePose> poses_of(const std::vector<Slice>& slices);
