@@ -127,7 +127,7 @@ LoadedCt read_dicom_ct(const fs::path& path, const DicomReadOptions& options,
   ct.format = "DICOM";
   ct.series_uid = series.first().series_uid;
   ct.frame_of_reference_uid = series.first().frame_of_reference_uid;
-  ct.warnings = io::warnings_of(scan, all, series);
+  ct.warnings = io::warnings_of(scan, all, series, slices);
   const SliceStack stacked = io::stack_of(slices, options.position_tolerance);
   check_stack(source, stacked, options, ct.warnings);
   ct.whole_grid = stacked.irregular.empty()

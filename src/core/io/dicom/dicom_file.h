@@ -19,6 +19,8 @@ struct DicomFrame {
   double slope = 1.0;
   double intercept = 0.0;
   bool localizer = false;
+  /// RescaleType, the unit of the rescaled values. The standard's default for CT is HU.
+  std::string unit = "HU";
   std::optional<int> acquisition_number;
 };
 
@@ -34,8 +36,6 @@ struct DicomImages {
   std::optional<std::pair<long, long>> padding;
   std::vector<DicomFrame> frames;
   DicomPixelData pixels;
-  /// Warnings about unusual content that does not prevent reading.
-  std::vector<std::string> warnings;
 
   std::size_t frame_pixels() const {
     return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);

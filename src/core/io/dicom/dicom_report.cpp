@@ -46,6 +46,14 @@ std::vector<std::string> problems_of(const Series& series, const std::vector<Sli
   return problems;
 }
 
+/// Slices of one stack have the same unit.
+void warn_of_values(const std::vector<Slice>& slices, std::vector<std::string>& warnings) {
+  const DicomFrame& first = slices.front().info();
+  if (first.unit != "HU")
+    warnings.push_back(first.pose.name + ": 'RescaleType' is " + in_quotes(first.unit) +
+                       ", not HU: the values may not be Hounsfield units");
+}
+
 }  // namespace
 
 DicomSeries summarise(const Series& series) {
@@ -91,7 +99,7 @@ std::string list_series(const std::vector<Series>& all) {
 }
 
 std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
-                                     const Series& chosen) {
+                                     const Series& chosen, const std::vector<Slice>& slices) {
   std::vector<std::string> warnings;
   for (const Series& series : all)
     if (&series != &chosen)
@@ -119,8 +127,7 @@ std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Se
     warnings.push_back(
         "passed over: " + std::to_string(scan.not_dicom.size()) + " files that are not DICOM (" +
         listed(scan.not_dicom, [](const fs::path& p) { return p.filename().string(); }) + ")");
-  for (const std::string& warning : chosen.first().images.warnings)
-    warnings.push_back(file_name(chosen.first()) + ": " + warning);
+  warn_of_values(slices, warnings);
   if (chosen.first().series_uid.empty())
     warnings.push_back("'SeriesInstanceUID' is empty: files without one are taken as one series");
   return warnings;

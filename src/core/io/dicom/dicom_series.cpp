@@ -176,16 +176,28 @@ void report_alternating(const std::vector<Slice>& slices, SliceStack& stack) {
                           " acquisitions alternate; 'acquisition_number' must name one");
 }
 
+template <typename Value>
+void report_mixed(const std::vector<Slice>& slices, const char* attribute, const Value& value_of,
+                  SliceStack& stack) {
+  const auto text = [&](const Slice& slice) {
+    return in_quotes(value_of(slice)) + " in '" + slice.info().pose.name + "'";
+  };
+  for (const Slice& slice : slices)
+    if (value_of(slice) != value_of(slices.front())) {
+      stack.fatal.push_back("slices differ in '" + std::string(attribute) +
+                            "': " + text(slices.front()) + ", " + text(slice));
+      return;
+    }
+}
+
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance) {
   SliceStack stack = stack_slices(poses_of(slices), tolerance);
   if (stack.fatal.empty()) report_alternating(slices, stack);
-  for (const Slice& slice : slices)
-    if (slice.file->frame_of_reference_uid != slices.front().file->frame_of_reference_uid) {
-      stack.fatal.push_back("slices differ in 'FrameOfReferenceUID': '" +
-                            slices.front().info().pose.name + "' and '" + slice.info().pose.name +
-                            "'");
-      break;
-    }
+  report_mixed(
+      slices, "FrameOfReferenceUID",
+      [](const Slice& slice) { return slice.file->frame_of_reference_uid; }, stack);
+  report_mixed(
+      slices, "RescaleType", [](const Slice& slice) { return slice.info().unit; }, stack);
   return stack;
 }
 

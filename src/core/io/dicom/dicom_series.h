@@ -57,8 +57,8 @@ std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& optio
 
 std::vector<SlicePose> poses_of(const std::vector<Slice>& slices);
 
-/// Stacks the slices as `stack_slices` does; slices with different frames of reference form no
-/// stack either.
+/// Stacks the slices as `stack_slices` does; slices of different frames of reference, of different
+/// units, or of acquisitions that alternate form no stack either.
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance);
 
 }  // namespace usct::io

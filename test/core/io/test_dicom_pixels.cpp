@@ -1,0 +1,76 @@
+// From the stored values of a pixel to its Hounsfield units: padding, units, and compressed
+// streams.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "core/io/dicom_patient.h"
+#include "core/io/dicom_writer.h"
+#include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
+#include "core/io/temporary_folder.h"
+#include "us_ct_registration/io/dicom/dicom.h"
+
+namespace usct {
+namespace {
+
+namespace fs = std::filesystem;
+using test::DicomSlice;
+using test::expect_input_error;
+using test::read_text;
+using test::short_bytes;
+using test::TemporaryFolder;
+using test::write_text;
+
+constexpr int kStoredInTheMiddle = 1000;
+
+/// Slices of 16 x 16 with one stored value, and another one in the first column.
+std::vector<DicomSlice> slices_with_first_column(long stored, bool is_signed, int bits_stored) {
+  std::vector<DicomSlice> slices = test::slices_of(test::small_grid());
+  for (DicomSlice& slice : slices) {
+    slice.size = {16, 16};
+    slice.is_signed = is_signed;
+    slice.bits_stored = bits_stored;
+    slice.intercept = -1024.0;
+    const double left_mm = slice.position_mm.x();
+    slice.hounsfield = [=](const Eigen::Vector3d& p) {
+      return (p.x() - left_mm < 0.1 ? static_cast<double>(stored) : kStoredInTheMiddle) - 1024.0;
+    };
+  }
+  return slices;
+}
+
+LoadedCt read_slices(const std::vector<DicomSlice>& slices) {
+  const TemporaryFolder folder;
+  test::write_shuffled(folder.path(), slices);
+  return read_dicom_ct(folder.path());
+}
+
+TEST(DicomPixels, AnotherUnitIsNamedWhicheverFileComesFirst) {
+  const std::vector<DicomSlice> good = slices_with_first_column(0, true, 16);
+  std::vector<DicomSlice> slices = good;
+  for (DicomSlice& slice : slices) slice.rescale_type = "HU_MOD";
+  const LoadedCt ct = read_slices(slices);
+  ASSERT_EQ(ct.warnings.size(), 1U);
+  EXPECT_NE(ct.warnings[0].find("'RescaleType' is 'HU_MOD'"), std::string::npos);
+  for (DicomSlice& slice : slices) slice.rescale_type = "";  // HU, where it is absent
+  EXPECT_TRUE(read_slices(slices).warnings.empty());
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    slices = good;
+    slices[i].rescale_type = "US";
+    expect_input_error([&] { read_slices(slices); },
+                       {"differ in 'RescaleType'", "'HU' in 'slice_", "'US' in 'slice_"});
+  }
+}
+
+TEST(DicomPixels, FramesOfDifferentUnitsAreRefused) {
+  const TemporaryFolder folder;
+  std::vector<DicomSlice> frames = slices_with_first_column(0, true, 16);
+  frames.back().rescale_type = "US";
+  test::write_enhanced_dicom(folder.path() / "e.dcm", frames);
+  expect_input_error([&] { read_dicom_ct(folder.path()); },
+                     {"'HU' in 'e.dcm frame 1'", "'US' in 'e.dcm frame 4'"});
+}
+
+}  // namespace
+}  // namespace usct
