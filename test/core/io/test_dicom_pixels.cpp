@@ -46,6 +46,37 @@ LoadedCt read_slices(const std::vector<DicomSlice>& slices) {
   return read_dicom_ct(folder.path());
 }
 
+struct Padding {
+  int value;
+  std::optional<int> limit;
+  long stored;
+  bool is_signed;
+  int bits_stored;
+  const char* warning;
+};
+
+TEST(DicomPixels, PaddingIsAirWhateverItsValue) {
+  for (const Padding& padding :
+       {Padding{-2000, {}, -2000, true, 16, ""}, Padding{0, {}, 0, false, 16, ""},
+        Padding{4095, {}, 4095, false, 12, "up to 3071 HU"},
+        Padding{63536, {}, 63536, false, 16, "up to 62512 HU"},
+        Padding{3000, 4000, 3500, false, 16, "up to 2976 HU"},
+        Padding{4000, 3000, 3500, false, 16, "up to 2976 HU"}}) {
+    SCOPED_TRACE(padding.value);
+    auto slices = slices_with_first_column(padding.stored, padding.is_signed, padding.bits_stored);
+    for (DicomSlice& slice : slices) {
+      slice.changes[{0x0028, 0x0120}] = short_bytes(padding.value);
+      if (padding.limit) slice.changes[{0x0028, 0x0121}] = short_bytes(*padding.limit);
+    }
+    const LoadedCt ct = read_slices(slices);
+    EXPECT_EQ(ct.volume.at(0, 3, 1), -1024);
+    EXPECT_EQ(ct.volume.at(1, 3, 1), kStoredInTheMiddle - 1024);
+    ASSERT_EQ(ct.warnings.size(), *padding.warning ? 1U : 0U);
+    const std::string warning = ct.warnings.empty() ? "" : ct.warnings[0];
+    EXPECT_NE(warning.find(padding.warning), std::string::npos) << warning;
+  }
+}
+
 TEST(DicomPixels, AnotherUnitIsNamedWhicheverFileComesFirst) {
   const std::vector<DicomSlice> good = slices_with_first_column(0, true, 16);
   std::vector<DicomSlice> slices = good;

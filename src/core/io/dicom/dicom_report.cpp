@@ -46,12 +46,25 @@ std::vector<std::string> problems_of(const Series& series, const std::vector<Sli
   return problems;
 }
 
-/// Slices of one stack have the same unit.
+/// Slices of one stack have the same unit, but each may have its own padding.
 void warn_of_values(const std::vector<Slice>& slices, std::vector<std::string>& warnings) {
   const DicomFrame& first = slices.front().info();
   if (first.unit != "HU")
     warnings.push_back(first.pose.name + ": 'RescaleType' is " + in_quotes(first.unit) +
                        ", not HU: the values may not be Hounsfield units");
+  for (const Slice& slice : slices) {
+    const auto& padding = slice.file->images.padding;
+    if (!padding) continue;
+    const DicomFrame& frame = slice.info();
+    const auto hu = [&](long value) {
+      return static_cast<double>(value) * frame.slope + frame.intercept;
+    };
+    const double greatest = std::max(hu(padding->first), hu(padding->second));
+    if (greatest <= kAirHu) continue;
+    warnings.push_back(frame.pose.name + ": 'PixelPaddingValue' declares values up to " +
+                       format(greatest) + " HU as not measured: they are read as air");
+    return;
+  }
 }
 
 }  // namespace
