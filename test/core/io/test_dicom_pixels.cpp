@@ -103,5 +103,45 @@ TEST(DicomPixels, FramesOfDifferentUnitsAreRefused) {
                      {"'HU' in 'e.dcm frame 1'", "'US' in 'e.dcm frame 4'"});
 }
 
+void compress(const std::string& command, const fs::path& in, const fs::path& out) {
+  ASSERT_EQ(
+      std::system((command + " '" + in.string() + "' '" + out.string() + "' 2>/dev/null").c_str()),
+      0)
+      << command << " failed; dcmtk and GDCM's tools are needed by the tests";
+}
+
+/// Slices as JPEG 2000, whose headers then get the other PixelRepresentation.
+void write_jpeg_2000_of_other_sign(const fs::path& folder, const std::vector<DicomSlice>& slices) {
+  const std::string sign("\x28\x00\x03\x01US\x02\x00", 8);
+  for (std::size_t i = 0; i < slices.size(); ++i) {
+    const fs::path path = folder / ("slice_" + std::to_string(i) + ".dcm");
+    const TemporaryFolder plain;
+    test::write_dicom(plain.path() / "plain", slices[i]);
+    ASSERT_NO_FATAL_FAILURE(compress("gdcmconv --j2k", plain.path() / "plain", path));
+    std::string bytes = read_text(path);
+    bytes[bytes.find(sign) + sign.size()] ^= 1;
+    write_text(path, bytes);
+  }
+}
+
+TEST(DicomPixels, ASignedStreamOfAnUnsignedHeaderIsRefused) {
+  const TemporaryFolder folder;
+  write_jpeg_2000_of_other_sign(folder.path(), slices_with_first_column(-500, true, 12));
+  expect_input_error([&] { read_dicom_ct(folder.path()); },
+                     {"slice_", "'PixelRepresentation' is 0, must be 1"});
+}
+
+/// Some writers compress the two's complement as if it were unsigned. The header is right then.
+TEST(DicomPixels, AnUnsignedStreamOfASignedHeaderIsTwosComplement) {
+  for (const int bits : {12, 16}) {
+    const TemporaryFolder folder;
+    write_jpeg_2000_of_other_sign(folder.path(),
+                                  slices_with_first_column((1L << bits) - 24, false, bits));
+    const CtVolume ct = read_dicom_ct(folder.path()).volume;
+    EXPECT_EQ(ct.at(0, 3, 1), -24 - 1024);
+    EXPECT_EQ(ct.at(1, 3, 1), kStoredInTheMiddle - 1024);
+  }
+}
+
 }  // namespace
 }  // namespace usct

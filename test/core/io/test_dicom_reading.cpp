@@ -141,7 +141,9 @@ TEST_P(DicomCompression, ReadsTheSame) {
     ASSERT_TRUE(run(compression.command, entry.path(), compressed.path() / entry.path().filename()))
         << compression.command << " failed; dcmtk and GDCM's tools are needed by the tests";
   const CtVolume expected = read_dicom_ct(plain.path()).volume;
+  testing::internal::CaptureStderr();
   const LoadedCt ct = read_dicom_ct(compressed.path());
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // libraries are silent
   EXPECT_TRUE(same_grid(ct.volume.grid, expected.grid));
   ASSERT_EQ(ct.volume.voxels.size(), expected.voxels.size());
   int worst = 0;
