@@ -143,5 +143,91 @@ TEST(DicomPixels, AnUnsignedStreamOfASignedHeaderIsTwosComplement) {
   }
 }
 
+std::string long_bytes(std::size_t value) {
+  std::string bytes;
+  for (int byte = 0; byte < 4; ++byte) bytes += static_cast<char>(value >> (8 * byte));
+  return bytes;
+}
+
+std::size_t long_at(const std::string& bytes, std::size_t at) {
+  std::size_t value = 0;
+  for (std::size_t byte = 4; byte-- > 0;)
+    value = value << 8 | static_cast<unsigned char>(bytes[at + byte]);
+  return value;
+}
+
+/// An enhanced CT whose frames are compressed and cut into two fragments each.
+class DicomFragments : public testing::Test {
+ protected:
+  void SetUp() override {
+    frames_ = test::slices_of(test::small_grid());
+    const TemporaryFolder plain;
+    test::write_enhanced_dicom(plain.path() / "plain", frames_);
+    ASSERT_NO_FATAL_FAILURE(compress("dcmcjpls +el", plain.path() / "plain", path_));
+    const std::string bytes = read_text(path_);
+    const std::string element("\xe0\x7f\x10\x00OB\0\0\xff\xff\xff\xff", 12);
+    std::size_t at = bytes.find(element);
+    ASSERT_NE(at, std::string::npos);
+    at += element.size();
+    header_ = bytes.substr(0, at);
+    at += 8 + long_at(bytes, at + 4);  // the table that the compression wrote
+    while (at + 8 < bytes.size()) {
+      const std::size_t length = long_at(bytes, at + 4);
+      const std::string stream = bytes.substr(at + 8, length);
+      offsets_.push_back(fragments_.size());
+      for (const std::string& part : {stream.substr(0, 10), stream.substr(10)})
+        fragments_ += item(part);
+      at += 8 + length;
+    }
+    ASSERT_EQ(offsets_.size(), frames_.size());
+  }
+
+  static std::string item(const std::string& bytes) {
+    return std::string("\xfe\xff\x00\xe0", 4) + long_bytes(bytes.size()) + bytes;
+  }
+  void write(const std::vector<std::size_t>& offsets) {
+    std::string table;
+    for (const std::size_t offset : offsets) table += long_bytes(offset);
+    write_text(path_,
+               header_ + item(table) + fragments_ + std::string("\xfe\xff\xdd\xe0\0\0\0\0", 8));
+  }
+  void expect_refused(const std::vector<std::size_t>& offsets, const std::string& named) {
+    write(offsets);
+    expect_input_error([&] { read_dicom_ct(folder_.path()); }, {"e.dcm", named});
+  }
+
+  const TemporaryFolder folder_;
+  const fs::path path_ = folder_.path() / "e.dcm";
+  std::vector<DicomSlice> frames_;
+  std::string header_, fragments_;
+  std::vector<std::size_t> offsets_;
+};
+
+TEST_F(DicomFragments, TheTableOfOffsetsSaysWhichAreAFrame) {
+  write(offsets_);
+  test::expect_shows_the_patient(read_dicom_ct(folder_.path()).volume, test::kRounding);
+}
+
+TEST_F(DicomFragments, ATableThatContradictsThemIsRefused) {
+  expect_refused({}, "'PixelData' has 8 fragments, must have one for each of 4 frames");
+  std::vector<std::size_t> offsets = offsets_;
+  offsets.pop_back();
+  expect_refused(offsets, "or a table of their offsets");
+  offsets = offsets_;
+  ++offsets[1];
+  expect_refused(offsets, "frame 2 begins at byte " + std::to_string(offsets[1]));
+  offsets[1] = 0;
+  expect_refused(offsets, "frame 2 begins at byte 0");
+  offsets = offsets_;
+  offsets[0] = 18;  // the second fragment
+  expect_refused(offsets, "frame 1 begins at byte 18");
+  offsets = offsets_;
+  std::swap(offsets[1], offsets[2]);
+  expect_refused(offsets, "frame 3 begins");
+  offsets = offsets_;
+  offsets[3] = 0xffffffff;
+  expect_refused(offsets, "frame 4 begins at byte 4294967295");
+}
+
 }  // namespace
 }  // namespace usct

@@ -74,11 +74,12 @@ struct ByteRange {
   std::uint64_t length = 0;
 };
 
-/// Location of the pixels in the file: one range, or, if they are compressed, their fragments,
-/// without the table of offsets that precedes them.
+/// Location of the pixels in the file: one range, or, if they are compressed, their fragments.
 struct DicomPixelData {
   bool encapsulated = false;
   std::vector<ByteRange> ranges;
+  /// The Basic Offset Table that precedes fragments; it may be empty.
+  ByteRange offset_table;
 };
 
 struct DicomContent {

@@ -266,7 +266,8 @@ class Parser {
       at_ += item.length;
     }
     if (pixels.ranges.empty()) refuse(header.place, "'PixelData' without its table of offsets");
-    pixels.ranges.erase(pixels.ranges.begin());  // the first item is the table of offsets
+    pixels.offset_table = pixels.ranges.front();
+    pixels.ranges.erase(pixels.ranges.begin());
     return pixels;
   }
 
