@@ -18,7 +18,7 @@
 ///
 /// Files without DICOM content are skipped and counted. A file that claims to be DICOM (by its
 /// content, or by the extension .dcm or .ima) and cannot be read is an error, because it might be a
-/// slice.
+/// slice; unless its meta information states that it is no CT image.
 namespace usct {
 
 /// A summary of the headers of one series; see find_dicom_series.

@@ -100,6 +100,10 @@ struct DicomWanted {
 /// well-formed.
 DicomContent parse_dicom(const std::filesystem::path& path, const DicomWanted& wanted);
 
+/// The SOP class that the file's meta information states, before the data set; empty if it states
+/// none. Throws InputError if the meta information is not well-formed.
+std::string stated_sop_class(const std::filesystem::path& path);
+
 /// The bytes of a part of a file. Throws InputError if they cannot be read.
 std::vector<std::uint8_t> read_range(const std::filesystem::path& path, const ByteRange& range);
 

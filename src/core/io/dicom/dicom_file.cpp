@@ -95,13 +95,15 @@ Claim claim_of(const fs::path& path) {
   return group ? Claim::kPerhaps : Claim::kNone;
 }
 
+/// Some anonymisers erase the class. The other attributes then decide whether the file is an image.
+bool may_be_ct(const std::string& sop_class) {
+  return sop_class.empty() || std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses),
+                                        sop_class) != std::end(kCtSopClasses);
+}
+
 DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
   if (modality != "CT") return DicomKind::kOtherModality;
-  const bool ct = std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses), sop_class) !=
-                  std::end(kCtSopClasses);
-  // Some anonymisers erase the class. The other attributes then decide whether the file is an
-  // image.
-  return ct || sop_class.empty() ? DicomKind::kCtImage : DicomKind::kOtherCt;
+  return may_be_ct(sop_class) ? DicomKind::kCtImage : DicomKind::kOtherCt;
 }
 
 /// Looks an attribute of a frame up in the places where DICOM allows it: in a macro of the frame's
@@ -317,9 +319,14 @@ std::optional<DicomFile> read_dicom_header(const fs::path& path) {
     if (content.data.text(kModality).empty() && !directory)
       throw InputError(path.string(), "'Modality' is missing: not DICOM, cut short or damaged");
     return describe(path, std::move(content));
-  } catch (const InputError&) {
+  } catch (const InputError& error) {
     if (claim == Claim::kPerhaps) return std::nullopt;
-    throw;
+    if (may_be_ct(stated_sop_class(path))) throw;
+    DicomFile file;
+    file.path = path;
+    file.kind = DicomKind::kNotParsed;
+    file.problem = error.violation();
+    return file;
   }
 }
 

@@ -140,6 +140,11 @@ std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Se
     warnings.push_back(
         "passed over: " + std::to_string(scan.not_dicom.size()) + " files that are not DICOM (" +
         listed(scan.not_dicom, [](const fs::path& p) { return p.filename().string(); }) + ")");
+  if (!scan.not_parsed.empty())
+    warnings.push_back(
+        "passed over: " + std::to_string(scan.not_parsed.size()) +
+        " files that cannot be read, and state that they are no CT images (" +
+        listed(scan.not_parsed, [](const fs::path& p) { return p.filename().string(); }) + ")");
   warn_of_values(slices, warnings);
   if (chosen.first().series_uid.empty())
     warnings.push_back("'SeriesInstanceUID' is empty: files without one are taken as one series");

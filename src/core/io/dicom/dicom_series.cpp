@@ -56,6 +56,8 @@ DicomScan scan_files(const std::vector<fs::path>& paths) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
     if (!read[i])
       scan.not_dicom.push_back(paths[i]);
+    else if (read[i]->kind == DicomKind::kNotParsed)
+      scan.not_parsed.push_back(paths[i]);
     else if (read[i]->kind != DicomKind::kDirectory)
       scan.files.push_back(std::move(*read[i]));
   }
@@ -67,8 +69,10 @@ DicomScan scan_folder(const fs::path& folder) {
   DicomScan scan = scan_files(found.files);
   scan.linked_folders = std::move(found.linked_folders);
   if (scan.files.empty())
-    throw InputError(folder.string(), "folder holds no DICOM files (" +
-                                          std::to_string(scan.not_dicom.size()) + " others)");
+    throw InputError(folder.string(),
+                     "folder holds no DICOM files (" +
+                         std::to_string(scan.not_dicom.size() + scan.not_parsed.size()) +
+                         " others)");
   return scan;
 }
 
@@ -76,6 +80,7 @@ DicomScan scan_folder(const fs::path& folder) {
 DicomScan scan_series_of(const fs::path& path) {
   const std::optional<DicomFile> file = read_dicom_header(path);
   if (!file) throw InputError(path.string(), "is not a DICOM file");
+  if (file->kind == DicomKind::kNotParsed) throw InputError(path.string(), file->problem);
   if (file->kind == DicomKind::kDirectory)
     throw InputError(path.string(),
                      "is a DICOMDIR; must be the folder that it lies in, or an image");
@@ -86,6 +91,7 @@ DicomScan scan_series_of(const fs::path& path) {
   };
   scan.files.erase(std::remove_if(scan.files.begin(), scan.files.end(), other), scan.files.end());
   scan.not_dicom.clear();
+  scan.not_parsed.clear();
   return scan;
 }
 

@@ -16,6 +16,8 @@ struct DicomScan {
   /// Files in the order of their paths.
   std::vector<DicomFile> files;
   std::vector<std::filesystem::path> not_dicom;
+  /// Files that cannot be parsed, but state that they are no CT images.
+  std::vector<std::filesystem::path> not_parsed;
   std::vector<std::filesystem::path> linked_folders;  // not followed
 };
 
