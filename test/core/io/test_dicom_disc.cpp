@@ -8,6 +8,7 @@
 #include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
 #include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/formats.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 #include "with_threads.h"
 
@@ -181,6 +182,18 @@ TEST_F(DicomDisc, WhatCannotBeReadAndIsNoCtIsPassedOver) {
 TEST_F(DicomDisc, ADeflatedSliceIsNotPassedOver) {
   claim_to_be_deflated(ct() / "slice_2.dcm");
   expect_input_error([&] { read_dicom_ct(folder_.path()); }, {"slice_2.dcm", "deflated"});
+}
+
+TEST_F(DicomDisc, FilesWithoutPreambleAreDicom) {
+  for (const auto& entry : fs::directory_iterator(ct()))
+    if (entry.path().filename().string()[0] != '.')
+      test::write_text(entry.path(), test::read_text(entry.path()).substr(132));
+  fs::rename(ct() / "slice_2.dcm", ct() / "IM2");
+  expect_shows_the_patient(read_dicom_ct(ct() / "IM2").volume, kRounding);
+  EXPECT_EQ(detect_format(ct() / "IM2").name, "DICOM series");
+  EXPECT_EQ(detect_format(ct() / "slice_1.dcm").name, "DICOM series");
+  EXPECT_FALSE(is_dicom(folder_.path() / "README.TXT"));
+  EXPECT_FALSE(is_dicom(ct() / "._slice_0.dcm"));
 }
 
 TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {

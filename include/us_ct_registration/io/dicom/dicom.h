@@ -119,8 +119,9 @@ void require_no_choice(const DicomReadOptions& options, const std::string& sourc
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                  const Progress& progress = {}, const CtSelection& selection = {});
 
-/// Whether the path is a folder, or a file that begins as DICOM files do (a preamble of 128 bytes,
-/// then "DICM"). False for anything else, also for a file that cannot be opened.
+/// Whether the path is a folder, a file that begins as DICOM files do (a preamble of 128 bytes,
+/// then "DICM"), or a file without preamble that can be read as DICOM. False for anything else,
+/// also for a file that cannot be opened.
 bool is_dicom(const std::filesystem::path& path);
 
 /// Entry in the table of formats: see FileFormat::describe.

@@ -152,8 +152,9 @@ bool is_dicom(const fs::path& path) {
   if (fs::is_directory(path, error)) return true;
   try {
     const io::Bytes begin = io::read_prefix(path, kPreambleBytes + kMagic.size());
-    return begin.size() == kPreambleBytes + kMagic.size() &&
-           std::equal(kMagic.begin(), kMagic.end(), begin.begin() + kPreambleBytes);
+    const bool has_magic = begin.size() == kPreambleBytes + kMagic.size() &&
+                           std::equal(kMagic.begin(), kMagic.end(), begin.begin() + kPreambleBytes);
+    return has_magic || io::read_dicom_header(path).has_value();
   } catch (const InputError&) {
     return false;
   }
