@@ -7,6 +7,7 @@
 #include "core/io/expect_input_error.h"
 #include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
+#include "core/io/without_permission.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/formats.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
@@ -194,6 +195,18 @@ TEST_F(DicomDisc, FilesWithoutPreambleAreDicom) {
   EXPECT_EQ(detect_format(ct() / "slice_1.dcm").name, "DICOM series");
   EXPECT_FALSE(is_dicom(folder_.path() / "README.TXT"));
   EXPECT_FALSE(is_dicom(ct() / "._slice_0.dcm"));
+}
+
+TEST_F(DicomDisc, TheSubfolderThatCannotBeReadIsNamed) {
+  const fs::path other = folder_.path() / "study" / "reports";
+  fs::create_directories(other);
+  using fs::perms;
+  fs::permissions(folder_.path(),
+                  perms::group_read | perms::group_exec | perms::others_read | perms::others_exec,
+                  fs::perm_options::add);
+  const test::WithoutPermission lock(other);
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {other.string() + ": folder cannot be read", "Permission denied"});
 }
 
 TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {

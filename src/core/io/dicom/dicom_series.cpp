@@ -20,8 +20,9 @@ struct Listing {
   std::vector<fs::path> linked_folders;
 };
 
-/// Throws InputError for a link that leads nowhere, to data that was not fetched or a disk that is
-/// not mounted: of slices that are missing at an end of the CT nothing else tells.
+/// The files of a folder; its subfolders are entered if `with_subfolders`. Throws InputError for a
+/// link that leads nowhere, to data that was not fetched or a disk that is not mounted: of slices
+/// that are missing at an end of the CT nothing else tells.
 Listing list_files(const fs::path& folder, bool with_subfolders) {
   Listing found;
   std::error_code error;
@@ -34,14 +35,16 @@ Listing list_files(const fs::path& folder, bool with_subfolders) {
     else if (entry.is_symlink(ignored) && entry.is_directory(ignored))
       found.linked_folders.push_back(entry.path());
   };
-  if (with_subfolders)
-    for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
-         it.increment(error))
-      add(*it);
-  else
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-      add(*it);
-  if (error) throw InputError(folder.string(), "folder cannot be read: " + error.message());
+  fs::path at = folder;  // the folder that is read next
+  for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
+       it.increment(error)) {
+    add(*it);
+    if (!with_subfolders) it.disable_recursion_pending();
+    const bool is_entered =
+        it.recursion_pending() && it->symlink_status(error).type() == fs::file_type::directory;
+    at = is_entered ? it->path() : it->path().parent_path();
+  }
+  if (error) throw InputError(at.string(), "folder cannot be read: " + error.message());
   std::sort(found.files.begin(), found.files.end());
   return found;
 }
