@@ -34,7 +34,8 @@ struct DicomSeries {
   /// for these.
   bool is_ct = false;
   int files = 0;
-  /// Number of images, or of frames of multi-frame images, without localizers.
+  /// Number of images, or of frames of multi-frame images, without localizers; those at one place
+  /// count once, if they form a stack.
   int slices = 0;
   int columns = 0;
   int rows = 0;

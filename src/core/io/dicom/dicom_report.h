@@ -18,6 +18,9 @@ std::string list_series(const std::vector<Series>& all);
 std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
                                      const Series& chosen, const std::vector<Slice>& slices);
 
+/// Says that two slices at one place differ, and what to do.
+std::string different_pixels(const DicomFrame& a, const DicomFrame& b);
+
 /// One text for each slice at the same place as one of the stack's order: `text(kept, other)`.
 template <typename Text>
 std::vector<std::string> for_each_duplicate(const std::vector<Slice>& slices,
