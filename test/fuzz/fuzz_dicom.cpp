@@ -72,7 +72,9 @@ void check(const io::Bytes& bytes) {
   const auto header = io::read_dicom_header(file.path());
   if (!header || header->kind != io::DicomKind::kCtImage || !header->problem.empty()) return;
   require(!header->images.frames.empty() && header->images.frame_pixels() > 0);
-  for (const io::ByteRange& range : header->images.pixels.ranges)
+  std::vector<io::ByteRange> ranges = header->images.pixels.ranges;
+  ranges.push_back(header->images.pixels.offset_table);
+  for (const io::ByteRange& range : ranges)
     require(range.begin <= bytes.size() && range.length <= bytes.size() - range.begin);
 }
 

@@ -144,6 +144,7 @@ void write_dicom(const std::filesystem::path& path, const DicomSlice& slice) {
                       decimals(Eigen::Vector2d(slice.spacing_mm.y(), slice.spacing_mm.x()))));
   data.Insert(element({0x0028, 0x1052}, VR::DS, decimal(slice.intercept)));
   data.Insert(element({0x0028, 0x1053}, VR::DS, decimal(slice.slope)));
+  data.Insert(element({0x0028, 0x1054}, VR::LO, slice.rescale_type));
   data.Insert(
       element({0x7fe0, 0x0010}, slice.bits_allocated > 8 ? VR::OW : VR::OB, stored_pixels(slice)));
   write_file(path, slice, std::move(data));
@@ -182,7 +183,7 @@ void write_enhanced_dicom(const std::filesystem::path& path,
     groups.Insert(
         macro({0x0028, 0x9145}, {element({0x0028, 0x1052}, VR::DS, decimal(frame.intercept)),
                                  element({0x0028, 0x1053}, VR::DS, decimal(frame.slope)),
-                                 element({0x0028, 0x1054}, VR::LO, "HU")}));
+                                 element({0x0028, 0x1054}, VR::LO, frame.rescale_type)}));
     per_frame.push_back(groups);
     pixels += stored_pixels(frame);
   }

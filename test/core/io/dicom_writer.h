@@ -23,6 +23,7 @@ struct DicomSlice {
 
   double slope = 1.0;
   double intercept = -8192.0;
+  std::string rescale_type = "HU";
   bool is_signed = false;
   int bits_allocated = 16;
   int bits_stored = 16;

@@ -5,8 +5,11 @@
 #include "core/io/dicom_patient.h"
 #include "core/io/dicom_writer.h"
 #include "core/io/expect_input_error.h"
+#include "core/io/file_text.h"
 #include "core/io/temporary_folder.h"
+#include "core/io/without_permission.h"
 #include "us_ct_registration/io/dicom/dicom.h"
+#include "us_ct_registration/io/formats.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 #include "with_threads.h"
 
@@ -135,6 +138,75 @@ TEST_F(DicomDisc, LocalizersReportsAndCapturesAreNoSlices) {
   expect_shows_the_patient(loaded.volume, kRounding);
   EXPECT_TRUE(warned(loaded, "1 localizers (scout.dcm)"));
   EXPECT_TRUE(warned(loaded, "no CT images (dose.dcm)"));
+}
+
+DicomSlice dose_report() {
+  DicomSlice report;
+  report.modality = "SR";
+  report.sop_class = "1.2.840.10008.5.1.4.1.1.88.67";
+  report.series_uid += ".9";
+  report.changes[{0x7fe0, 0x0010}] = std::nullopt;
+  return report;
+}
+
+/// States another transfer syntax, by the value's length as well.
+void claim_to_be_deflated(const fs::path& path) {
+  std::string bytes = test::read_text(path);
+  const std::string plain(
+      "\x02\x00\x10\x00UI\x14\x00"
+      "1.2.840.10008.1.2.1\0",
+      28);
+  const std::string deflated(
+      "\x02\x00\x10\x00UI\x16\x00"
+      "1.2.840.10008.1.2.1.99",
+      30);
+  ASSERT_NE(bytes.find(plain), std::string::npos);
+  test::write_text(path, bytes.replace(bytes.find(plain), plain.size(), deflated));
+}
+
+TEST_F(DicomDisc, WhatCannotBeReadAndIsNoCtIsPassedOver) {
+  const fs::path deflated = ct() / "deflated.dcm";
+  const fs::path padded = ct() / "padded.dcm";
+  for (const fs::path& path : {deflated, padded}) test::write_dicom(path, dose_report());
+  claim_to_be_deflated(deflated);
+  test::write_text(padded, test::read_text(padded) + std::string(64, '\0'));
+  const LoadedCt loaded = read_dicom_ct(folder_.path());
+  expect_shows_the_patient(loaded.volume, kRounding);
+  EXPECT_TRUE(warned(loaded,
+                     "2 files that cannot be read, and state that they are no CT images "
+                     "(deflated.dcm, padded.dcm)"));
+  expect_shows_the_patient(read_dicom_ct(ct() / "slice_2.dcm").volume, kRounding);
+  expect_input_error([&] { read_dicom_ct(deflated); }, {"deflated.dcm", "is not)"});
+  expect_input_error([&] { read_dicom_ct(padded); }, {"padded.dcm", "damaged"});
+}
+
+TEST_F(DicomDisc, ADeflatedSliceIsNotPassedOver) {
+  claim_to_be_deflated(ct() / "slice_2.dcm");
+  expect_input_error([&] { read_dicom_ct(folder_.path()); }, {"slice_2.dcm", "deflated"});
+}
+
+TEST_F(DicomDisc, FilesWithoutPreambleAreDicom) {
+  for (const auto& entry : fs::directory_iterator(ct()))
+    if (entry.path().filename().string()[0] != '.')
+      test::write_text(entry.path(), test::read_text(entry.path()).substr(132));
+  fs::rename(ct() / "slice_2.dcm", ct() / "IM2");
+  expect_shows_the_patient(read_dicom_ct(ct() / "IM2").volume, kRounding);
+  EXPECT_EQ(detect_format(ct() / "IM2").name, "DICOM series");
+  EXPECT_EQ(detect_format(ct() / "slice_1.dcm").name, "DICOM series");
+  EXPECT_FALSE(is_dicom(folder_.path() / "README.TXT"));
+  EXPECT_FALSE(is_dicom(ct() / "._slice_0.dcm"));
+}
+
+TEST_F(DicomDisc, TheSubfolderThatCannotBeReadIsNamed) {
+  const fs::path other = folder_.path() / "study" / "reports";
+  fs::create_directories(other);
+  using fs::perms;
+  fs::permissions(folder_.path(),
+                  perms::group_read | perms::group_exec | perms::others_read | perms::others_exec,
+                  fs::perm_options::add);
+  const test::WithoutPermission lock(other);
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {other.string() + ": folder cannot be read", "Permission denied"});
 }
 
 TEST_F(DicomDisc, SameForAnyNumberOfThreadsWithProgress) {

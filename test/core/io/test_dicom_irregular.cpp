@@ -157,7 +157,19 @@ TEST_F(DicomIrregular, SameSliceTwiceIsTakenOnceWithAWarning) {
   ASSERT_EQ(ct.warnings.size(), 1U);
   EXPECT_NE(ct.warnings[0].find("the same slice as"), std::string::npos);
   expect_resampled(ct);
-  EXPECT_EQ(find_dicom_series(folder_.path())[0].problems.size(), 1U);
+}
+
+TEST_F(DicomIrregular, InfoCountsACopyOnceAndReadsTheRest) {
+  for (int k = 0; k < 5; ++k) add(2.0 * k);
+  add(4.0);
+  write();
+  const DicomSeries series = find_dicom_series(folder_.path())[0];
+  EXPECT_EQ(series.slices, 5);
+  EXPECT_EQ(series.files, 6);
+  EXPECT_TRUE(series.problems.empty());
+  const std::string described = describe_dicom(folder_.path());
+  for (const char* part : {"\"range\"", "the same slice as"})
+    EXPECT_NE(described.find(part), std::string::npos) << described;
 }
 
 TEST_F(DicomIrregular, OtherPixelsAtTheSamePlaceAreRefused) {
@@ -167,6 +179,9 @@ TEST_F(DicomIrregular, OtherPixelsAtTheSamePlaceAreRefused) {
   write();
   expect_input_error([&] { read_dicom_ct(folder_.path()); },
                      {"one place", "differ in their pixels", "slice_"});
+  const std::vector<std::string> problems = find_dicom_series(folder_.path())[0].problems;
+  ASSERT_EQ(problems.size(), 1U);
+  EXPECT_NE(problems[0].find("differ in their pixels"), std::string::npos) << problems[0];
 }
 
 TEST_F(DicomIrregular, OneOfTwoAcquisitionsAtTheSamePlaceCanBeTaken) {
@@ -194,6 +209,17 @@ TEST_F(DicomIrregular, TwoAcquisitionsThatAlternateAreRefused) {
     add(2.0 * k);
     slices_.back().acquisition_number = k % 2 == 0 ? 1 : 2;
   }
+  write();
+  expect_input_error([&] { read_dicom_ct(folder_.path()); },
+                     {"2 acquisitions alternate", "acquisition_number"});
+}
+
+TEST_F(DicomIrregular, ACopyOfASliceDoesNotHideThatAcquisitionsAlternate) {
+  for (int k = 0; k < 6; ++k) {
+    add(2.0 * k);
+    slices_.back().acquisition_number = k % 2 == 0 ? 1 : 2;
+  }
+  slices_.push_back(slices_[3]);
   write();
   expect_input_error([&] { read_dicom_ct(folder_.path()); },
                      {"2 acquisitions alternate", "acquisition_number"});

@@ -3,7 +3,9 @@
 
 #include "core/io/bad_files.h"
 #include "core/io/igsio_text.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/volumes/volume_io.h"
 
 namespace usct {
 namespace {
@@ -60,6 +62,15 @@ TEST(Igsio, ReadsASingleFrameWithTwoAxesAndDetachedData) {
                      {"frame.igs.mhd", "'ElementDataFile'", "none.raw", "does not exist"});
   expect_input_error([&] { read_header("LIST"); }, {"ElementDataFile", "LIST"});
   expect_input_error([&] { read_header("frame%02d.raw 1 2 1"); }, {"ElementDataFile"});
+}
+
+/// Its frames would become the slices of a CT, since it has the ending of a volume.
+TEST(Igsio, IsNoVolume) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = spit(folder.path() / "sweep.igs.mha", good_file());
+  const std::vector<std::string> named = {"sweep.igs.mha", "ultrasound sequence, must be a volume"};
+  expect_input_error([&] { read_ct(path); }, named);
+  expect_input_error([&] { read_volume<std::uint16_t>(path); }, named);  // as of a label map
 }
 
 TEST(Igsio, WhatIsWrittenComesBackAndIsAMetaImageForOtherPrograms) {

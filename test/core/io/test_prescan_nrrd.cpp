@@ -9,6 +9,7 @@
 #include "core/io/bad_files.h"
 #include "core/io/replaced.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct {
@@ -356,6 +357,12 @@ TEST(PreScanNrrd, LeavesNoFileBehindWhenTheVolumeIsInvalid) {
   expect_input_error([&] { write_prescan_nrrd(volume, folder.path() / "out.nrrd"); },
                      {"acquisition_time"});
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(PreScanNrrd, IsNoVolume) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = spit(folder.path() / "us.nrrd", motorised_file());
+  expect_input_error([&] { read_ct(path); }, {"us.nrrd", "ultrasound sequence, must be a volume"});
 }
 
 TEST(PreScanNrrd, IsToldApartFromOtherFiles) {

@@ -18,7 +18,7 @@
 ///
 /// Files without DICOM content are skipped and counted. A file that claims to be DICOM (by its
 /// content, or by the extension .dcm or .ima) and cannot be read is an error, because it might be a
-/// slice.
+/// slice; unless its meta information states that it is no CT image.
 namespace usct {
 
 /// A summary of the headers of one series; see find_dicom_series.
@@ -34,7 +34,8 @@ struct DicomSeries {
   /// for these.
   bool is_ct = false;
   int files = 0;
-  /// Number of images, or of frames of multi-frame images, without localizers.
+  /// Number of images, or of frames of multi-frame images, without localizers; those at one place
+  /// count once, if they form a stack.
   int slices = 0;
   int columns = 0;
   int rows = 0;
@@ -97,10 +98,12 @@ std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
 ///
 /// Slices are ordered by their positions along their normal, never by name or number; the spacing
 /// comes from the positions. Voxels are Hounsfield units, by each slice's own rescale slope and
-/// intercept, rounded to nearest; values outside int16 are an error. Padding (PixelPaddingValue)
-/// below -1024 HU becomes -1024 HU, the value of air. Localizers, other modalities and files that
-/// are no CT images are skipped with a warning. Of slices at the same place with the same pixels
-/// one is used, with a warning; different pixels are an error.
+/// intercept, rounded to nearest; values outside int16 are an error. Padding (PixelPaddingValue, to
+/// PixelPaddingRangeLimit) becomes -1024 HU, the value of air, with a warning if it stands for
+/// more. Slices that differ in RescaleType are an error; one that is not HU is a warning.
+/// Localizers, other modalities and files that are no CT images are skipped with a warning. Of
+/// slices at the same place with the same pixels one is used, with a warning; different pixels are
+/// an error.
 ///
 /// Throws InputError, naming the file or the series and the fault, for files that cannot be read
 /// and, unless options.resample_irregular, for slices that are not on a regular grid; and, before
@@ -117,8 +120,9 @@ void require_no_choice(const DicomReadOptions& options, const std::string& sourc
 LoadedCt read_ct(const std::filesystem::path& path, const DicomReadOptions& options = {},
                  const Progress& progress = {}, const CtSelection& selection = {});
 
-/// Whether the path is a folder, or a file that begins as DICOM files do (a preamble of 128 bytes,
-/// then "DICM"). False for anything else, also for a file that cannot be opened.
+/// Whether the path is a folder, a file that begins as DICOM files do (a preamble of 128 bytes,
+/// then "DICM"), or a file without preamble that can be read as DICOM. False for anything else,
+/// also for a file that cannot be opened.
 bool is_dicom(const std::filesystem::path& path);
 
 /// Entry in the table of formats: see FileFormat::describe.

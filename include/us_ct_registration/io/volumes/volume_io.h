@@ -13,7 +13,8 @@
 /// or infinite axes, with other than three dimensions or one value per voxel, or whose size does
 /// not match the size of its file, is refused; nothing is repaired and no default replaces a
 /// missing field. Sizes are checked against the file before memory is allocated, and checksums of
-/// compressed data are verified.
+/// compressed data are verified. Ultrasound sequences in these formats (igsio.h, prescan_nrrd.h)
+/// are refused.
 namespace usct {
 
 /// A summary of the header of a volume.

@@ -16,7 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using io::DicomFile;
-using io::DicomFrame;
 using io::Series;
 using io::Slice;
 using io::SliceStack;
@@ -36,16 +35,6 @@ void check_stack(const std::string& source, const SliceStack& stacked,
                                "interpolates them onto one");
 }
 
-[[noreturn]] void refuse_different(const std::string& source, const DicomFrame& a,
-                                   const DicomFrame& b) {
-  std::string message = "slices at one place differ in their pixels: '" + a.pose.name + "' and '" +
-                        b.pose.name + "' at " + io::format(a.pose.position_mm) + " mm";
-  if (a.acquisition_number && b.acquisition_number && a.acquisition_number != b.acquisition_number)
-    message += ", of acquisitions " + std::to_string(*a.acquisition_number) + " and " +
-               std::to_string(*b.acquisition_number) + "; 'acquisition_number' takes one of them";
-  throw InputError(source, message);
-}
-
 /// The voxels of the slices in the stack's order. Throws InputError if slices at one place differ.
 std::vector<std::int16_t> load_voxels(const std::string& source, const std::vector<Slice>& slices,
                                       const SliceStack& stacked, const Progress& progress) {
@@ -63,7 +52,8 @@ std::vector<std::int16_t> load_voxels(const std::string& source, const std::vect
     std::copy(pixels.begin(), pixels.end(), &voxels[k * count]);
     for (const int i : stacked.duplicates[k])
       if (pixels_of(i) != pixels)
-        refuse_different(source, slice(stacked.order[k]).info(), slice(i).info());
+        throw InputError(source,
+                         io::different_pixels(slice(stacked.order[k]).info(), slice(i).info()));
   };
   parallel_for(static_cast<int>(stacked.order.size()), load, progress);
   return voxels;
@@ -127,7 +117,7 @@ LoadedCt read_dicom_ct(const fs::path& path, const DicomReadOptions& options,
   ct.format = "DICOM";
   ct.series_uid = series.first().series_uid;
   ct.frame_of_reference_uid = series.first().frame_of_reference_uid;
-  ct.warnings = io::warnings_of(scan, all, series);
+  ct.warnings = io::warnings_of(scan, all, series, slices);
   const SliceStack stacked = io::stack_of(slices, options.position_tolerance);
   check_stack(source, stacked, options, ct.warnings);
   ct.whole_grid = stacked.irregular.empty()
@@ -152,8 +142,9 @@ bool is_dicom(const fs::path& path) {
   if (fs::is_directory(path, error)) return true;
   try {
     const io::Bytes begin = io::read_prefix(path, kPreambleBytes + kMagic.size());
-    return begin.size() == kPreambleBytes + kMagic.size() &&
-           std::equal(kMagic.begin(), kMagic.end(), begin.begin() + kPreambleBytes);
+    const bool has_magic = begin.size() == kPreambleBytes + kMagic.size() &&
+                           std::equal(kMagic.begin(), kMagic.end(), begin.begin() + kPreambleBytes);
+    return has_magic || io::read_dicom_header(path).has_value();
   } catch (const InputError&) {
     return false;
   }

@@ -36,6 +36,7 @@ struct StreamFormat {
   int rows = 0;
   int components = 0;
   int bits = 0;
+  bool is_signed = false;
 };
 
 int big_endian_16(const Bytes& bytes, std::size_t at) { return bytes[at] << 8 | bytes[at + 1]; }
@@ -70,7 +71,7 @@ std::optional<CheckedStream> check_jpeg(const Bytes& stream) {
     }
     if (frame && end >= at + 10)
       checked.format = {big_endian_16(stream, at + 7), big_endian_16(stream, at + 5),
-                        stream[at + 9], stream[at + 4]};
+                        stream[at + 9], stream[at + 4], false};
     else if (!tables && !application)
       return std::nullopt;
     if (!application)
@@ -96,7 +97,7 @@ std::optional<CheckedStream> check_jpeg_2000(const Bytes& stream) {
   const std::int64_t rows = number(12) - number(20);
   if (columns != static_cast<int>(columns) || rows != static_cast<int>(rows)) return std::nullopt;
   return CheckedStream{{static_cast<int>(columns), static_cast<int>(rows),
-                        big_endian_16(stream, 40), (stream[42] & 0x7f) + 1},
+                        big_endian_16(stream, 40), (stream[42] & 0x7f) + 1, stream[42] >> 7 == 1},
                        stream};
 }
 
@@ -108,8 +109,8 @@ bool has_end_marker(const Bytes& stream) {
   return size >= 2 && stream[size - 2] == 0xff && stream[size - 1] == 0xd9;
 }
 
-Bytes check_stream(const std::string& source, Codec codec, const FrameFormat& format,
-                   const Bytes& stream) {
+CheckedStream check_stream(const std::string& source, Codec codec, const FrameFormat& format,
+                           const Bytes& stream) {
   std::optional<CheckedStream> checked =
       codec == Codec::kJpeg2000 ? check_jpeg_2000(stream) : check_jpeg(stream);
   if (!checked || !has_end_marker(stream))
@@ -126,7 +127,12 @@ Bytes check_stream(const std::string& source, Codec codec, const FrameFormat& fo
                          std::to_string(format.columns) + " x " + std::to_string(format.rows) +
                          " of 1, <= " + std::to_string(format.bits_allocated) +
                          " bits as the header says");
-  return std::move(checked->bytes);
+  // The reverse is known of some writers: a stream that is said to be unsigned holds the two's
+  // complement of signed values, which the header then says.
+  if (found.is_signed && !format.is_signed)
+    throw InputError(source,
+                     "'PixelRepresentation' is 0, must be 1 as the compressed pixels are signed");
+  return std::move(*checked);
 }
 
 /// Decodes one segment (PS3.5 G.3.1). Returns false unless it gives exactly `count` bytes.
@@ -190,8 +196,10 @@ std::vector<std::uint8_t> decompress_frame(const std::string& source,
       throw InputError(source, "pixels compressed by RLE are cut short or damaged");
     return decompress_rle(source, format, stream);
   }
-  const std::optional<Bytes> values = module<GdcmCodecs>().decode(
-      transfer_syntax_uid, format, check_stream(source, syntax->codec, format, stream));
+  const CheckedStream checked = check_stream(source, syntax->codec, format, stream);
+  const bool is_jpeg_12 = syntax->codec == Codec::kJpeg && checked.format.bits == 12;
+  const std::optional<Bytes> values =
+      module<GdcmCodecs>().decode(transfer_syntax_uid, format, is_jpeg_12, checked.bytes);
   if (!values) throw InputError(source, "compressed pixels cannot be decoded: damaged");
   return *values;
 }

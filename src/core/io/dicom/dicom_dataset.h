@@ -74,11 +74,12 @@ struct ByteRange {
   std::uint64_t length = 0;
 };
 
-/// Location of the pixels in the file: one range, or, if they are compressed, their fragments,
-/// without the table of offsets that precedes them.
+/// Location of the pixels in the file: one range, or, if they are compressed, their fragments.
 struct DicomPixelData {
   bool encapsulated = false;
   std::vector<ByteRange> ranges;
+  /// The Basic Offset Table that precedes fragments; it may be empty.
+  ByteRange offset_table;
 };
 
 struct DicomContent {
@@ -98,6 +99,10 @@ struct DicomWanted {
 /// bytes. Throws InputError, naming the file, the place and the fault, for anything that is not
 /// well-formed.
 DicomContent parse_dicom(const std::filesystem::path& path, const DicomWanted& wanted);
+
+/// The SOP class that the file's meta information states, before the data set; empty if it states
+/// none. Throws InputError if the meta information is not well-formed.
+std::string stated_sop_class(const std::filesystem::path& path);
 
 /// The bytes of a part of a file. Throws InputError if they cannot be read.
 std::vector<std::uint8_t> read_range(const std::filesystem::path& path, const ByteRange& range);

@@ -95,13 +95,15 @@ Claim claim_of(const fs::path& path) {
   return group ? Claim::kPerhaps : Claim::kNone;
 }
 
+/// Some anonymisers erase the class. The other attributes then decide whether the file is an image.
+bool may_be_ct(const std::string& sop_class) {
+  return sop_class.empty() || std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses),
+                                        sop_class) != std::end(kCtSopClasses);
+}
+
 DicomKind kind_of(const std::string& modality, const std::string& sop_class) {
   if (modality != "CT") return DicomKind::kOtherModality;
-  const bool ct = std::find(std::begin(kCtSopClasses), std::end(kCtSopClasses), sop_class) !=
-                  std::end(kCtSopClasses);
-  // Some anonymisers erase the class. The other attributes then decide whether the file is an
-  // image.
-  return ct || sop_class.empty() ? DicomKind::kCtImage : DicomKind::kOtherCt;
+  return may_be_ct(sop_class) ? DicomKind::kCtImage : DicomKind::kOtherCt;
 }
 
 /// Looks an attribute of a frame up in the places where DICOM allows it: in a macro of the frame's
@@ -177,8 +179,7 @@ bool is_localizer(const DicomDataset& top, const FrameAttributes& frame) {
 
 /// The geometry and scaling of a frame. They may be missing in a localizer, which never becomes a
 /// slice.
-DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes,
-                      std::vector<std::string>& warnings) {
+DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes) {
   DicomFrame frame;
   frame.localizer = is_localizer(top, attributes);
   if (frame.localizer) return frame;
@@ -186,9 +187,8 @@ DicomFrame read_frame(const DicomDataset& top, const FrameAttributes& attributes
   frame.slope = attributes.require_numbers(kValueTransformation, kSlope, 1)[0];
   frame.intercept = attributes.require_numbers(kValueTransformation, kIntercept, 1)[0];
   if (frame.slope == 0.0) top.refuse(kSlope, "0", "other than 0");
-  const std::string unit = attributes.text(kValueTransformation, kRescaleType);
-  if (!unit.empty() && unit != "HU")
-    warnings.push_back("'RescaleType' is not HU: the values may not be Hounsfield units");
+  if (std::string unit = attributes.text(kValueTransformation, kRescaleType); !unit.empty())
+    frame.unit = std::move(unit);
   frame.acquisition_number = top.find_integer(kAcquisitionNumber);
   attributes.with(kFrameContent, kFrameAcquisition, [&](const DicomDataset& holder) {
     frame.acquisition_number = holder.find_short(kFrameAcquisition);
@@ -202,7 +202,7 @@ std::string frame_name(const fs::path& path, std::size_t frame, std::size_t fram
 }
 
 std::vector<DicomFrame> read_frames(const fs::path& path, const DicomDataset& top,
-                                    DicomImages& images) {
+                                    const DicomImages& images) {
   const int count = top.find_integer(kFrames).value_or(1);
   if (count < 1) top.refuse(kFrames, std::to_string(count), ">= 1");
   const std::vector<DicomDataset>& shared = top.items(kSharedGroups);
@@ -215,11 +215,9 @@ std::vector<DicomFrame> read_frames(const fs::path& path, const DicomDataset& to
   for (std::size_t i = 0; i < frames; ++i) {
     const FrameAttributes attributes(top, shared.empty() ? nullptr : &shared.front(),
                                      per_frame.empty() ? nullptr : &per_frame[i]);
-    std::vector<std::string> warnings;
-    result.push_back(read_frame(top, attributes, warnings));
+    result.push_back(read_frame(top, attributes));
     result.back().pose.name = frame_name(path, i, frames);
     result.back().pose.size = {images.columns, images.rows};
-    if (i == 0) images.warnings = warnings;
   }
   return result;
 }
@@ -321,9 +319,14 @@ std::optional<DicomFile> read_dicom_header(const fs::path& path) {
     if (content.data.text(kModality).empty() && !directory)
       throw InputError(path.string(), "'Modality' is missing: not DICOM, cut short or damaged");
     return describe(path, std::move(content));
-  } catch (const InputError&) {
+  } catch (const InputError& error) {
     if (claim == Claim::kPerhaps) return std::nullopt;
-    throw;
+    if (may_be_ct(stated_sop_class(path))) throw;
+    DicomFile file;
+    file.path = path;
+    file.kind = DicomKind::kNotParsed;
+    file.problem = error.violation();
+    return file;
   }
 }
 

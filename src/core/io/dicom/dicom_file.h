@@ -19,6 +19,8 @@ struct DicomFrame {
   double slope = 1.0;
   double intercept = 0.0;
   bool localizer = false;
+  /// RescaleType, the unit of the rescaled values. The standard's default for CT is HU.
+  std::string unit = "HU";
   std::optional<int> acquisition_number;
 };
 
@@ -34,8 +36,6 @@ struct DicomImages {
   std::optional<std::pair<long, long>> padding;
   std::vector<DicomFrame> frames;
   DicomPixelData pixels;
-  /// Warnings about unusual content that does not prevent reading.
-  std::vector<std::string> warnings;
 
   std::size_t frame_pixels() const {
     return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
@@ -47,6 +47,8 @@ enum class DicomKind {
   /// A file of modality CT that is no CT image: a report, a dose sheet, a screen capture.
   kOtherCt,
   kOtherModality,
+  /// A file that cannot be parsed, but whose meta information states a class of no CT image.
+  kNotParsed,
   /// A DICOMDIR, the index of a disc.
   kDirectory
 };
@@ -61,13 +63,13 @@ struct DicomFile {
   std::optional<int> series_number;
   /// Only for kCtImage; has no frames if `problem` is not empty.
   DicomImages images;
-  /// Reason why the images cannot be read: "'Rows' is 0, must be > 0".
+  /// Reason why the file or its images cannot be read: "'Rows' is 0, must be > 0".
   std::string problem;
 };
 
 /// Reads a header; the result is empty if the file is not DICOM. Throws InputError if the file
 /// cannot be opened, or if it claims to be DICOM (by its content or its extension) and cannot be
-/// parsed.
+/// parsed, although it might be a slice.
 std::optional<DicomFile> read_dicom_header(const std::filesystem::path& path);
 
 /// Hounsfield units of one frame, in the order of rows. Throws InputError, naming the file, if the

@@ -19,7 +19,8 @@ constexpr std::uint32_t kItem = 0xfffee000;
 constexpr std::uint32_t kItemEnd = 0xfffee00d;
 constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
 constexpr std::uint32_t kPixelDataTag = 0x7fe00010;
-constexpr std::uint32_t kTransferSyntax = 0x00020010;
+const Attribute kMediaStorageSopClass{"MediaStorageSOPClassUID", 0x00020002};
+const Attribute kTransferSyntax{"TransferSyntaxUID", 0x00020010};
 constexpr std::uint64_t kPreambleBytes = 128;
 /// Values of the attributes that are read are shorter than this.
 constexpr std::uint32_t kLongestValue = 1 << 16;
@@ -266,7 +267,8 @@ class Parser {
       at_ += item.length;
     }
     if (pixels.ranges.empty()) refuse(header.place, "'PixelData' without its table of offsets");
-    pixels.ranges.erase(pixels.ranges.begin());  // the first item is the table of offsets
+    pixels.offset_table = pixels.ranges.front();
+    pixels.ranges.erase(pixels.ranges.begin());
     return pixels;
   }
 
@@ -291,6 +293,22 @@ Encoding encoding_of(const std::string& transfer_syntax_uid, const std::string& 
   return {true, false};  // PS3.5 A.4: every transfer syntax that compresses pixels
 }
 
+/// The elements of group 2, which say how the others are encoded. A file may lack them.
+struct MetaInformation {
+  DicomDataset data;
+  std::uint64_t begin;
+  std::uint64_t end;
+};
+
+MetaInformation parse_meta(FileBytes& file) {
+  static const DicomWanted wanted{{kMediaStorageSopClass, kTransferSyntax}, {}};
+  const std::uint64_t begin = begin_of_elements(file);
+  Parser parser(file, wanted, {true, false}, begin);
+  DicomDataset data(file.source(), false);
+  parser.parse_group(2, data);
+  return {std::move(data), begin, parser.at()};
+}
+
 /// Guesses the transfer syntax of a file that does not state it: it is explicit if the letters of a
 /// value representation follow the first tag.
 std::string guessed_syntax(FileBytes& file, std::uint64_t begin) {
@@ -304,20 +322,19 @@ std::string guessed_syntax(FileBytes& file, std::uint64_t begin) {
 
 DicomContent parse_dicom(const fs::path& path, const DicomWanted& wanted) {
   FileBytes file(path);
-  const std::uint64_t begin = begin_of_elements(file);
-  const DicomWanted meta_wanted{{{"TransferSyntaxUID", kTransferSyntax}}, {}};
-  Parser meta_parser(file, meta_wanted, {true, false}, begin);
-  DicomDataset meta(path.string(), false);
-  meta_parser.parse_group(2, meta);
-
-  const bool stated = meta_parser.at() > begin;
-  std::string syntax =
-      stated ? meta.text(meta_wanted.values[0]) : guessed_syntax(file, meta_parser.at());
+  const MetaInformation meta = parse_meta(file);
+  const bool stated = meta.end > meta.begin;
+  std::string syntax = stated ? meta.data.text(kTransferSyntax) : guessed_syntax(file, meta.end);
   const Encoding encoding = encoding_of(syntax, path.string());
   DicomContent content{std::move(syntax), encoding.big_endian,
                        DicomDataset(path.string(), encoding.big_endian), std::nullopt};
-  Parser(file, wanted, encoding, meta_parser.at()).parse_top(content.data, content.pixels);
+  Parser(file, wanted, encoding, meta.end).parse_top(content.data, content.pixels);
   return content;
+}
+
+std::string stated_sop_class(const fs::path& path) {
+  FileBytes file(path);
+  return parse_meta(file).data.text(kMediaStorageSopClass);
 }
 
 std::vector<std::uint8_t> read_range(const fs::path& path, const ByteRange& range) {

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <limits>
 
+#include "io/bytes.h"
 #include "io/dicom/dicom_codecs.h"
 #include "io/dicom/dicom_file.h"
 #include "io/format.h"
@@ -10,8 +11,6 @@
 
 namespace usct::io {
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
 
 [[noreturn]] void refuse(const DicomFile& file, const std::string& violation) {
   throw InputError(file.path.string(), violation);
@@ -39,18 +38,45 @@ void check_length(const DicomFile& file) {
                      std::to_string(images.columns) + " columns");
 }
 
-/// The compressed stream of one frame: its own fragment, or all fragments if there is a single
-/// frame.
+/// The index of the first fragment of each frame. The Basic Offset Table (PS3.5 A.4) states for
+/// each frame where its first fragment begins, in bytes behind the first fragment of all.
+std::vector<std::size_t> first_fragments(const DicomFile& file) {
+  const std::vector<ByteRange>& fragments = file.images.pixels.ranges;
+  const std::size_t frames = file.images.frames.size();
+  if (file.images.pixels.offset_table.length != 4 * frames)
+    refuse(file, "'PixelData' has " + std::to_string(fragments.size()) +
+                     " fragments, must have one for each of " + std::to_string(frames) +
+                     " frames, or a table of their offsets");
+  const Bytes table = read_range(file.path, file.images.pixels.offset_table);
+  std::vector<std::size_t> first;
+  std::size_t at = 0;
+  for (std::size_t frame = 0; frame < frames; ++frame, ++at) {
+    const auto offset = static_cast<std::uint32_t>(int32_le(table, 4 * frame));
+    while (at < fragments.size() && fragments[at].begin - fragments[0].begin != offset) ++at;
+    if (at == fragments.size() || (frame == 0 && at > 0))
+      refuse(file, "frame " + std::to_string(frame + 1) + " begins at byte " +
+                       std::to_string(offset) +
+                       " by the table of offsets, where no fragment after the frame before does");
+    first.push_back(at);
+  }
+  return first;
+}
+
+/// The compressed stream of one frame: its own fragment, or several one after the other.
 Bytes frame_stream(const DicomFile& file, std::size_t frame) {
   const std::vector<ByteRange>& fragments = file.images.pixels.ranges;
   const std::size_t frames = file.images.frames.size();
   if (frames == fragments.size()) return read_range(file.path, fragments[frame]);
-  if (frames != 1 || fragments.empty())
-    refuse(file, "'PixelData' has " + std::to_string(fragments.size()) +
-                     " fragments, must have one for each of " + std::to_string(frames) + " frames");
+  std::size_t begin = 0;
+  std::size_t end = fragments.size();
+  if (frames > 1) {
+    const std::vector<std::size_t> first = first_fragments(file);
+    begin = first[frame];
+    if (frame + 1 < frames) end = first[frame + 1];
+  }
   Bytes stream;
-  for (const ByteRange& fragment : fragments) {
-    const Bytes part = read_range(file.path, fragment);
+  for (std::size_t i = begin; i < end; ++i) {
+    const Bytes part = read_range(file.path, fragments[i]);
     stream.insert(stream.end(), part.begin(), part.end());
   }
   return stream;
@@ -84,9 +110,10 @@ void to_hounsfield(const DicomFile& file, std::size_t frame, const Bytes& stored
     std::memcpy(&raw, &stored[i * sizeof(Raw)], sizeof(Raw));
     raw = static_cast<Raw>(raw << unused);
     const int value = images.is_signed ? static_cast<Signed>(raw) >> unused : raw >> unused;
-    double hu = std::nearbyint(value * slope + intercept);
-    if (images.padding && value >= images.padding->first && value <= images.padding->second)
-      hu = std::max<double>(hu, kAirHu);
+    // Nothing was measured where there is padding, whatever its value.
+    const bool is_padding =
+        images.padding && value >= images.padding->first && value <= images.padding->second;
+    const double hu = is_padding ? kAirHu : std::nearbyint(value * slope + intercept);
     if (!(hu >= std::numeric_limits<std::int16_t>::min() &&
           hu <= std::numeric_limits<std::int16_t>::max()))
       refuse(file, "a pixel is " + format(hu) + " HU ('RescaleSlope' " + format(slope) +

@@ -29,6 +29,24 @@ std::string uid_text(const std::string& uid) {
   return uid.empty() ? "(no SeriesInstanceUID)" : in_quotes(uid).substr(1, uid.size());
 }
 
+/// The first pair of slices at one place with different pixels, or pixels that cannot be read;
+/// empty if all others are copies.
+std::string first_different(const std::vector<Slice>& slices, const SliceStack& stacked) {
+  const auto slice = [&](int i) -> const Slice& { return slices[static_cast<std::size_t>(i)]; };
+  const auto pixels_of = [&](int i) {
+    return read_dicom_hounsfield(*slice(i).file, slice(i).frame);
+  };
+  try {
+    for (std::size_t k = 0; k < stacked.order.size(); ++k)
+      for (const int i : stacked.duplicates[k])
+        if (pixels_of(i) != pixels_of(stacked.order[k]))
+          return different_pixels(slice(stacked.order[k]).info(), slice(i).info());
+  } catch (const InputError& error) {
+    return fs::path(error.source()).filename().string() + ": " + error.violation();
+  }
+  return "";
+}
+
 /// Reasons why the series would be refused or resampled.
 std::vector<std::string> problems_of(const Series& series, const std::vector<Slice>& slices,
                                      const SliceStack& stacked) {
@@ -38,12 +56,31 @@ std::vector<std::string> problems_of(const Series& series, const std::vector<Sli
   if (!problems.empty()) return problems;
   problems = stacked.fatal;
   problems.insert(problems.end(), stacked.irregular.begin(), stacked.irregular.end());
-  const std::vector<std::string> duplicates =
-      for_each_duplicate(slices, stacked, [](const std::string& kept, const std::string& other) {
-        return "slices at one place: '" + kept + "' and '" + other + "'";
-      });
-  problems.insert(problems.end(), duplicates.begin(), duplicates.end());
+  if (!stacked.fatal.empty()) return problems;
+  if (std::string different = first_different(slices, stacked); !different.empty())
+    problems.push_back(std::move(different));
   return problems;
+}
+
+/// Slices of one stack have the same unit, but each may have its own padding.
+void warn_of_values(const std::vector<Slice>& slices, std::vector<std::string>& warnings) {
+  const DicomFrame& first = slices.front().info();
+  if (first.unit != "HU")
+    warnings.push_back(first.pose.name + ": 'RescaleType' is " + in_quotes(first.unit) +
+                       ", not HU: the values may not be Hounsfield units");
+  for (const Slice& slice : slices) {
+    const auto& padding = slice.file->images.padding;
+    if (!padding) continue;
+    const DicomFrame& frame = slice.info();
+    const auto hu = [&](long value) {
+      return static_cast<double>(value) * frame.slope + frame.intercept;
+    };
+    const double greatest = std::max(hu(padding->first), hu(padding->second));
+    if (greatest <= kAirHu) continue;
+    warnings.push_back(frame.pose.name + ": 'PixelPaddingValue' declares values up to " +
+                       format(greatest) + " HU as not measured: they are read as air");
+    return;
+  }
 }
 
 }  // namespace
@@ -64,7 +101,7 @@ DicomSeries summarise(const Series& series) {
   const std::vector<Slice> slices = slices_of(series, defaults);
   const SliceStack stacked = stack_of(slices, defaults.position_tolerance);
   out.problems = problems_of(series, slices, stacked);
-  out.slices = static_cast<int>(slices.size());
+  out.slices = static_cast<int>(stacked.order.empty() ? slices.size() : stacked.order.size());
   if (slices.empty()) return out;
   const SlicePose& pose = slices.front().info().pose;
   out.columns = pose.size.x();
@@ -90,8 +127,17 @@ std::string list_series(const std::vector<Series>& all) {
   return out;
 }
 
+std::string different_pixels(const DicomFrame& a, const DicomFrame& b) {
+  std::string text = "slices at one place differ in their pixels: '" + a.pose.name + "' and '" +
+                     b.pose.name + "' at " + format(a.pose.position_mm) + " mm";
+  if (a.acquisition_number && b.acquisition_number && a.acquisition_number != b.acquisition_number)
+    text += ", of acquisitions " + std::to_string(*a.acquisition_number) + " and " +
+            std::to_string(*b.acquisition_number) + "; 'acquisition_number' takes one of them";
+  return text;
+}
+
 std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
-                                     const Series& chosen) {
+                                     const Series& chosen, const std::vector<Slice>& slices) {
   std::vector<std::string> warnings;
   for (const Series& series : all)
     if (&series != &chosen)
@@ -119,8 +165,12 @@ std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Se
     warnings.push_back(
         "passed over: " + std::to_string(scan.not_dicom.size()) + " files that are not DICOM (" +
         listed(scan.not_dicom, [](const fs::path& p) { return p.filename().string(); }) + ")");
-  for (const std::string& warning : chosen.first().images.warnings)
-    warnings.push_back(file_name(chosen.first()) + ": " + warning);
+  if (!scan.not_parsed.empty())
+    warnings.push_back(
+        "passed over: " + std::to_string(scan.not_parsed.size()) +
+        " files that cannot be read, and state that they are no CT images (" +
+        listed(scan.not_parsed, [](const fs::path& p) { return p.filename().string(); }) + ")");
+  warn_of_values(slices, warnings);
   if (chosen.first().series_uid.empty())
     warnings.push_back("'SeriesInstanceUID' is empty: files without one are taken as one series");
   return warnings;

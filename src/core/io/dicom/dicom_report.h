@@ -14,9 +14,12 @@ DicomSeries summarise(const Series& series);
 /// One line per series, for a message that asks for a choice.
 std::string list_series(const std::vector<Series>& all);
 
-/// Warnings about anything that is skipped or unusual when `chosen` is read.
+/// Warnings about anything that is skipped or unusual when these slices of `chosen` are read.
 std::vector<std::string> warnings_of(const DicomScan& scan, const std::vector<Series>& all,
-                                     const Series& chosen);
+                                     const Series& chosen, const std::vector<Slice>& slices);
+
+/// Says that two slices at one place differ, and what to do.
+std::string different_pixels(const DicomFrame& a, const DicomFrame& b);
 
 /// One text for each slice at the same place as one of the stack's order: `text(kept, other)`.
 template <typename Text>

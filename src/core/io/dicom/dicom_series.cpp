@@ -20,8 +20,9 @@ struct Listing {
   std::vector<fs::path> linked_folders;
 };
 
-/// Throws InputError for a link that leads nowhere, to data that was not fetched or a disk that is
-/// not mounted: of slices that are missing at an end of the CT nothing else tells.
+/// The files of a folder; its subfolders are entered if `with_subfolders`. Throws InputError for a
+/// link that leads nowhere, to data that was not fetched or a disk that is not mounted: of slices
+/// that are missing at an end of the CT nothing else tells.
 Listing list_files(const fs::path& folder, bool with_subfolders) {
   Listing found;
   std::error_code error;
@@ -34,14 +35,16 @@ Listing list_files(const fs::path& folder, bool with_subfolders) {
     else if (entry.is_symlink(ignored) && entry.is_directory(ignored))
       found.linked_folders.push_back(entry.path());
   };
-  if (with_subfolders)
-    for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
-         it.increment(error))
-      add(*it);
-  else
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-      add(*it);
-  if (error) throw InputError(folder.string(), "folder cannot be read: " + error.message());
+  fs::path at = folder;  // the folder that is read next
+  for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
+       it.increment(error)) {
+    add(*it);
+    if (!with_subfolders) it.disable_recursion_pending();
+    const bool is_entered =
+        it.recursion_pending() && it->symlink_status(error).type() == fs::file_type::directory;
+    at = is_entered ? it->path() : it->path().parent_path();
+  }
+  if (error) throw InputError(at.string(), "folder cannot be read: " + error.message());
   std::sort(found.files.begin(), found.files.end());
   return found;
 }
@@ -56,6 +59,8 @@ DicomScan scan_files(const std::vector<fs::path>& paths) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
     if (!read[i])
       scan.not_dicom.push_back(paths[i]);
+    else if (read[i]->kind == DicomKind::kNotParsed)
+      scan.not_parsed.push_back(paths[i]);
     else if (read[i]->kind != DicomKind::kDirectory)
       scan.files.push_back(std::move(*read[i]));
   }
@@ -67,8 +72,10 @@ DicomScan scan_folder(const fs::path& folder) {
   DicomScan scan = scan_files(found.files);
   scan.linked_folders = std::move(found.linked_folders);
   if (scan.files.empty())
-    throw InputError(folder.string(), "folder holds no DICOM files (" +
-                                          std::to_string(scan.not_dicom.size()) + " others)");
+    throw InputError(folder.string(),
+                     "folder holds no DICOM files (" +
+                         std::to_string(scan.not_dicom.size() + scan.not_parsed.size()) +
+                         " others)");
   return scan;
 }
 
@@ -76,6 +83,7 @@ DicomScan scan_folder(const fs::path& folder) {
 DicomScan scan_series_of(const fs::path& path) {
   const std::optional<DicomFile> file = read_dicom_header(path);
   if (!file) throw InputError(path.string(), "is not a DICOM file");
+  if (file->kind == DicomKind::kNotParsed) throw InputError(path.string(), file->problem);
   if (file->kind == DicomKind::kDirectory)
     throw InputError(path.string(),
                      "is a DICOMDIR; must be the folder that it lies in, or an image");
@@ -86,6 +94,7 @@ DicomScan scan_series_of(const fs::path& path) {
   };
   scan.files.erase(std::remove_if(scan.files.begin(), scan.files.end(), other), scan.files.end());
   scan.not_dicom.clear();
+  scan.not_parsed.clear();
   return scan;
 }
 
@@ -144,6 +153,11 @@ std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& optio
         continue;
       slices.push_back(slice);
     }
+  // A stack keeps the first slice of those at one place. If two acquisitions have the same places,
+  // it is then the same one's everywhere.
+  std::stable_sort(slices.begin(), slices.end(), [](const Slice& a, const Slice& b) {
+    return a.info().acquisition_number < b.info().acquisition_number;
+  });
   return slices;
 }
 
@@ -171,17 +185,28 @@ void report_alternating(const std::vector<Slice>& slices, SliceStack& stack) {
                           " acquisitions alternate; 'acquisition_number' must name one");
 }
 
+template <typename Value>
+void report_mixed(const std::vector<Slice>& slices, const char* attribute, const Value& value_of,
+                  SliceStack& stack) {
+  const auto text = [&](const Slice& slice) {
+    return in_quotes(value_of(slice)) + " in '" + slice.info().pose.name + "'";
+  };
+  for (const Slice& slice : slices)
+    if (value_of(slice) != value_of(slices.front())) {
+      stack.fatal.push_back("slices differ in '" + std::string(attribute) +
+                            "': " + text(slices.front()) + ", " + text(slice));
+      return;
+    }
+}
+
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance) {
   SliceStack stack = stack_slices(poses_of(slices), tolerance);
-  const bool has_duplicates = stack.order.size() < slices.size();
-  if (stack.fatal.empty() && !has_duplicates) report_alternating(slices, stack);
-  for (const Slice& slice : slices)
-    if (slice.file->frame_of_reference_uid != slices.front().file->frame_of_reference_uid) {
-      stack.fatal.push_back("slices differ in 'FrameOfReferenceUID': '" +
-                            slices.front().info().pose.name + "' and '" + slice.info().pose.name +
-                            "'");
-      break;
-    }
+  if (stack.fatal.empty()) report_alternating(slices, stack);
+  report_mixed(
+      slices, "FrameOfReferenceUID",
+      [](const Slice& slice) { return slice.file->frame_of_reference_uid; }, stack);
+  report_mixed(
+      slices, "RescaleType", [](const Slice& slice) { return slice.info().unit; }, stack);
   return stack;
 }
 

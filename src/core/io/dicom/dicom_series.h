@@ -16,6 +16,8 @@ struct DicomScan {
   /// Files in the order of their paths.
   std::vector<DicomFile> files;
   std::vector<std::filesystem::path> not_dicom;
+  /// Files that cannot be parsed, but state that they are no CT images.
+  std::vector<std::filesystem::path> not_parsed;
   std::vector<std::filesystem::path> linked_folders;  // not followed
 };
 
@@ -51,14 +53,14 @@ struct Slice {
   const DicomFrame& info() const { return file->images.frames[frame]; }
 };
 
-/// The slices of a series without its localizers; only those of the chosen acquisition, if the
-/// options choose one.
+/// The slices of a series without its localizers, by acquisition; only those of the chosen
+/// acquisition, if the options choose one.
 std::vector<Slice> slices_of(const Series& series, const DicomReadOptions& options);
 
 std::vector<SlicePose> poses_of(const std::vector<Slice>& slices);
 
-/// Stacks the slices as `stack_slices` does; slices with different frames of reference form no
-/// stack either.
+/// Stacks the slices as `stack_slices` does; slices of different frames of reference, of different
+/// units, or of acquisitions that alternate form no stack either.
 SliceStack stack_of(const std::vector<Slice>& slices, double tolerance);
 
 }  // namespace usct::io

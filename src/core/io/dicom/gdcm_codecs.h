@@ -11,8 +11,9 @@ struct GdcmCodecs {
   static constexpr const char* kModule = "gdcm";
 
   /// The stored values of a frame whose stream has been checked; unset if it is damaged.
+  /// `is_jpeg_12` says that it is JPEG of 12 bits.
   std::optional<std::vector<std::uint8_t>> (*decode)(const std::string& transfer_syntax_uid,
-                                                     const FrameFormat& format,
+                                                     const FrameFormat& format, bool is_jpeg_12,
                                                      const std::vector<std::uint8_t>& stream);
 };
 

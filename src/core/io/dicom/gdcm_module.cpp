@@ -19,8 +19,18 @@ void silence_gdcm() {
   static_cast<void>(once);
 }
 
+gdcm::PixelFormat pixel_format(const FrameFormat& format, bool is_jpeg_12) {
+  // GDCM begins with the decoder for the bits that are allocated. If the stream has other bits, it
+  // takes the right one only after that has printed an error.
+  if (is_jpeg_12) return format.is_signed ? gdcm::PixelFormat::INT12 : gdcm::PixelFormat::UINT12;
+  const auto stored = static_cast<std::uint16_t>(format.bits_stored);
+  return gdcm::PixelFormat(1, static_cast<std::uint16_t>(format.bits_allocated), stored,
+                           static_cast<std::uint16_t>(stored - 1),
+                           static_cast<std::uint16_t>(format.is_signed));
+}
+
 std::optional<Bytes> decode(const std::string& transfer_syntax_uid, const FrameFormat& format,
-                            const Bytes& stream) {
+                            bool is_jpeg_12, const Bytes& stream) {
   silence_gdcm();
   gdcm::Fragment fragment;
   fragment.SetByteValue(reinterpret_cast<const char*>(stream.data()),
@@ -34,10 +44,7 @@ std::optional<Bytes> decode(const std::string& transfer_syntax_uid, const FrameF
   bitmap.SetNumberOfDimensions(2);
   bitmap.SetDimension(0, static_cast<unsigned>(format.columns));
   bitmap.SetDimension(1, static_cast<unsigned>(format.rows));
-  bitmap.SetPixelFormat(gdcm::PixelFormat(1, static_cast<std::uint16_t>(format.bits_allocated),
-                                          static_cast<std::uint16_t>(format.bits_stored),
-                                          static_cast<std::uint16_t>(format.bits_stored - 1),
-                                          format.is_signed ? 1 : 0));
+  bitmap.SetPixelFormat(pixel_format(format, is_jpeg_12));
   bitmap.SetPhotometricInterpretation(gdcm::PhotometricInterpretation::MONOCHROME2);
   bitmap.SetTransferSyntax(gdcm::TransferSyntax::GetTSType(transfer_syntax_uid.c_str()));
   bitmap.SetDataElement(pixels);

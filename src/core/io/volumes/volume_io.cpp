@@ -14,6 +14,8 @@
 #include "text.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
+#include "us_ct_registration/io/ultrasound/igsio.h"
+#include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 
 namespace usct {
 namespace {
@@ -47,7 +49,16 @@ Format format_of(const fs::path& path) {
                        "', must be .nrrd, .nhdr, .mha, .mhd, .nii or .nii.gz for a volume");
 }
 
+/// Throws InputError for ultrasound before scan conversion or of a tracked probe, which has the
+/// endings of volumes: its frames would be taken for the slices of a CT, or its grey values for
+/// labels.
+void refuse_ultrasound(const fs::path& path) {
+  if (is_igsio(path) || is_prescan_nrrd(path))
+    throw InputError(path.string(), "is an ultrasound sequence, must be a volume");
+}
+
 VolumeHeader read_header(const fs::path& path) {
+  refuse_ultrasound(path);
   switch (format_of(path)) {
     case Format::kNrrd:
       return io::read_nrrd_header(path);
