@@ -28,6 +28,11 @@ bool has_same_voxels(const HeldCt& a, const HeldCt& b) {
          same_grid(a.volume.grid, b.volume.grid) && a.volume.voxels == b.volume.voxels;
 }
 
+/// Whether tf may tell later what it could not: frames may be connected after the volume has come.
+bool may_come_later(const Refusal& refusal) {
+  return refusal.code() == Status::TF_UNAVAILABLE || refusal.code() == Status::TF_STALE;
+}
+
 /// Runs a conversion, and turns its exception into a refusal for those who ask for the volume.
 template <typename Convert>
 std::optional<Refusal> refusal_of(Convert&& convert) {
@@ -215,7 +220,7 @@ bool HeldVolumes::settle(Entry& entry) {
     us.sweep_motion_mm = frame_.compensate(us.header, us.pose, us.frame_stamps, us.beams.beams);
     us.still = stillness_.judgement_of(us.header, us.pose, us.tf_deadline);
   });
-  if (entry.refusal) entry.volume.reset();
+  if (entry.refusal && !may_come_later(*entry.refusal)) entry.volume.reset();
   return is_settled || entry.refusal;
 }
 
@@ -245,7 +250,7 @@ std::shared_ptr<const HeldCt> HeldVolumes::ct(const std::function<bool()>& cance
   return ct_;
 }
 
-const HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) const {
+HeldVolumes::Entry* HeldVolumes::find(const ::ros::Time& stamp) {
   const auto found = std::find_if(
       ultrasound_.rbegin(), ultrasound_.rend(),
       [&](const Entry& entry) { return stamp.isZero() || entry.header.stamp == stamp; });
@@ -281,7 +286,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
   await_arrival(lock, stamp, cancelled);
   const std::uint64_t arrived = arrived_ultrasound_;
   await(lock, cancelled, [&] { return converted_ultrasound_ >= arrived; });
-  const Entry* entry = find(stamp);
+  Entry* entry = find(stamp);
   if (entry == nullptr) {
     if (ultrasound_.empty()) throw Refusal(Status::NO_ULTRASOUND, "no ultrasound was received");
     std::string held;
@@ -301,6 +306,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
     throw Refusal(Status::NO_ULTRASOUND,
                   "the ultrasound with the stamp " + seconds_text(stamp) +
                       " was given up for newer volumes while it waited for tf (volumes_kept)");
+  if (entry->refusal && entry->volume) settle(*entry);
   if (entry->refusal) throw UltrasoundRefusal(*entry->refusal, entry->header);
   return entry->volume;
 }

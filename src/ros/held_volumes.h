@@ -143,7 +143,8 @@ class HeldVolumes {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// A volume, or the reason why it is refused. Until it is settled, the volume waits for tf.
+  /// A volume, or the reason why it is refused. Until it is settled, the volume waits for tf; one
+  /// that is refused for want of tf is kept, and looked up again when it is asked for.
   struct Entry {
     std::uint64_t number = 0;
     std_msgs::Header header;
@@ -175,7 +176,7 @@ class HeldVolumes {
   void await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
                      const std::function<bool()>& cancelled);
   void await_announced(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled);
-  const Entry* find(const ::ros::Time& stamp) const;
+  Entry* find(const ::ros::Time& stamp);
   void await(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled,
              const std::function<bool()>& ready);
 

@@ -2,10 +2,11 @@
 
 #include <ros/callback_queue.h>
 #include <ros/master.h>
+#include <ros/this_node.h>
 #include <topic_tools/shape_shifter.h>
 
-#include <algorithm>
 #include <chrono>
+#include <map>
 #include <optional>
 #include <thread>
 
@@ -25,13 +26,21 @@ bool within_probe_time(const std::function<bool()>& cancelled,
   return true;
 }
 
-std::optional<std::string> published_type(const std::string& topic) {
-  ::ros::master::V_TopicInfo topics;
-  ::ros::master::getTopics(topics);
-  const auto found = std::find_if(topics.begin(), topics.end(),
-                                  [&](const auto& info) { return info.name == topic; });
-  if (found == topics.end()) return std::nullopt;
-  return found->datatype;
+/// Topics with publishers, and their types; none if the master does not answer.
+/// `ros::master::getTopics` would wait for it, without end.
+std::optional<std::map<std::string, std::string>> published_topics() {
+  XmlRpc::XmlRpcValue request;
+  request[0] = ::ros::this_node::getName();
+  request[1] = "";
+  XmlRpc::XmlRpcValue response;
+  XmlRpc::XmlRpcValue found;
+  constexpr bool kWaitForMaster = false;
+  if (!::ros::master::execute("getPublishedTopics", request, response, found, kWaitForMaster))
+    return std::nullopt;
+  std::map<std::string, std::string> topics;
+  for (int i = 0; i < found.size(); ++i)
+    topics[std::string(found[i][0])] = std::string(found[i][1]);
+  return topics;
 }
 
 /// Findings of a subscriber that takes messages of any type.
@@ -69,10 +78,13 @@ std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTop
                                 ::ros::Subscriber& subscriber,
                                 const std::function<::ros::Subscriber()>& resubscribe,
                                 const std::function<bool()>& cancelled) {
-  const std::optional<std::string> type = published_type(expected.name);
-  if (!type) return "'" + expected.name + "' has no publisher";
-  if (*type != expected.datatype)
-    return "'" + expected.name + "' is published as " + *type + ", must be " + expected.datatype;
+  const auto topics = published_topics();
+  if (!topics) return "the ROS master at " + ::ros::master::getURI() + " does not answer";
+  const auto type = topics->find(expected.name);
+  if (type == topics->end()) return "'" + expected.name + "' has no publisher";
+  if (type->second != expected.datatype)
+    return "'" + expected.name + "' is published as " + type->second + ", must be " +
+           expected.datatype;
   // The publisher may have started only now.
   if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
     return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";

@@ -258,7 +258,8 @@ std::string RegistrationNode::next_step(const Result& result) const {
   if (policy.empty())
     return "; it is not broadcast, for no tf_publisher was heard on '" +
            node_.resolveName("registration/alignment") + "'";
-  if (policy == "auto") return "; tf_publisher accepts it by itself";
+  if (policy == "auto")
+    return "; tf_publisher decides by itself: see " + node_.resolveName("registration/alignment");
   return "; it waits until a person accepts it: rosservice call " + accept + " " +
          std::to_string(result.id);
 }

@@ -21,6 +21,7 @@ namespace {
 namespace msg = us_ct_registration;
 
 const std::string kTransform = "ct_to_us";
+const std::string kAcquiredTransform = "ct_to_us_acquired";
 const std::string kStatus = "registration_status";
 const std::string kSubject = "registration";
 const std::string kAnswer = "answer";
@@ -128,10 +129,19 @@ std::optional<Eigen::Isometry3d> SlicerBridge::look_up(std::string& why_not) con
   return std::nullopt;
 }
 
+std::optional<Eigen::Isometry3d> SlicerBridge::as_acquired() const try {
+  const msg::RegistrationResult* result = state_.result_in_force();
+  if (result == nullptr) return std::nullopt;
+  return from_message_mm(result->transform, "result");
+} catch (const InputError&) {  // another program's result, without this transform
+  return std::nullopt;
+}
+
 SlicerBridge::News SlicerBridge::news() const {
   News news;
   std::string why_not;
   news.T_us_ct = look_up(why_not);
+  if (news.T_us_ct) news.T_us_ct_acquired = as_acquired();
   const bool is_restored = state_.alignment().state == msg::Alignment::RESTORED;
   news.status = news.T_us_ct ? state_.in_force() +
                                    (is_restored ? ", RESTORED: the patient may have moved" : "")
@@ -150,6 +160,8 @@ void SlicerBridge::tick() {
   calls_.poll();
   const News now = news();
   if (now.T_us_ct) server_->send(igtl_transform(kTransform, *now.T_us_ct));
+  if (now.T_us_ct_acquired)
+    server_->send(igtl_transform(kAcquiredTransform, *now.T_us_ct_acquired));
   const std::string words = now.status + "\n" + now.subject;
   const ::ros::WallTime time = ::ros::WallTime::now();
   constexpr double kPeriodS = 1.0;
@@ -249,7 +261,8 @@ void SlicerBridge::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnos
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
   const News now = news();
-  diagnosis.summary(DiagnosticStatus::OK, now.status);
+  const bool is_missing = state_.is_in_force() && !now.T_us_ct;
+  diagnosis.summary(is_missing ? DiagnosticStatus::WARN : DiagnosticStatus::OK, now.status);
   diagnosis.add("port", server_->port());
   diagnosis.add("clients", server_->clients());
   diagnosis.add("last event", last_event_);

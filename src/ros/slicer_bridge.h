@@ -32,12 +32,16 @@ class SlicerBridge {
   struct News {
     /// `p_us = T p_ct`, mm; empty if it is not known or does not count.
     std::optional<Eigen::Isometry3d> T_us_ct;
+    /// The same to the ultrasound as it was acquired, wherever the probe is now.
+    std::optional<Eigen::Isometry3d> T_us_ct_acquired;
     /// What counts, or why nothing is sent.
     std::string status;
     /// What waits for a decision, or was refused, with the evidence.
     std::string subject;
   };
 
+  /// The pose of the result in force, as it was registered; empty if it is not known.
+  std::optional<Eigen::Isometry3d> as_acquired() const;
   void subscribe();
   /// Hands the messages of a topic to `state_` and tells the clients.
   template <class Message>

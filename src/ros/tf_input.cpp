@@ -2,6 +2,8 @@
 
 #include <ros/console.h>
 
+#include <algorithm>
+
 #include "ros/conversions/times.h"
 #include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
@@ -21,11 +23,12 @@ TfInput::TfInput(TfBuffer& buffer, const ::ros::NodeHandle& node)
 }
 
 void TfInput::notice_time(const ::ros::Time& now) {
-  if (now < last_now_) {
+  if (ran_back(now, last_now_)) {
     ROS_WARN("time ran back by %.3f s: tf is forgotten", seconds_between(now, last_now_));
     buffer_.clear();
+    last_now_ = now;
   }
-  last_now_ = now;
+  last_now_ = std::max(last_now_, now);
 }
 
 void TfInput::take(const Event& event, bool is_static) {

@@ -315,12 +315,16 @@ void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosi
   const bool is_held_back = !state.broadcast && decisions_.stored().alignment;
   const bool is_attention =
       alignment.restored || is_held_back || state.waiting_id != 0 || !last_refusal_.empty();
+  const std::string waiting =
+      state.waiting_id == 0 ? "" : "; " + to_proposed_message(state).message;
+  const std::string refused = last_refusal_.empty() ? "" : "; refused: " + last_refusal_;
   if (state.is_suspended)
     diagnosis.summary(DiagnosticStatus::ERROR, state.message);
   else if (!file_error_.empty())
     diagnosis.summary(DiagnosticStatus::ERROR, "alignment_file: " + file_error_);
   else
-    diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK, state.message);
+    diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK,
+                      state.message + waiting + refused);
   diagnosis.add("state", name_of(state));
   diagnosis.add("fixed frame", alignment.fixed_frame);
   diagnosis.add("CT frame", alignment.ct_frame);

@@ -61,13 +61,15 @@ Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
       wait_for_transform(tf_, fixed_frame_, header.frame_id, header.stamp, tf_timeout_s_);
   const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
   header.frame_id = fixed_frame_;
-  geometry_msgs::TransformStamped acquired = fixed_us;
-  acquired.child_frame_id = acquired_frame_;
-  acquired.transform = to_message(T_fixed_us * T_us_acquired(geometry));
-  geometry_msgs::TransformStamped field = fixed_us;
-  field.child_frame_id = field_frame_;
-  field.transform = to_message(T_fixed_us * T_us_field(geometry));
-  broadcaster_.sendTransform({acquired, field});
+  const auto mark = [&](const std::string& frame, const Eigen::Isometry3d& T_us_frame) {
+    if (frame.empty()) return;
+    geometry_msgs::TransformStamped marked = fixed_us;
+    marked.child_frame_id = frame;
+    marked.transform = to_message(T_fixed_us * T_us_frame);
+    broadcaster_.sendTransform(marked);
+  };
+  mark(acquired_frame_, T_us_acquired(geometry));
+  mark(field_frame_, T_us_field(geometry));
   return T_fixed_us;
 }
 

@@ -12,7 +12,7 @@ import rospy
 import rostest
 import tf2_ros
 import yaml
-from geometry_msgs.msg import Point, TransformStamped
+from geometry_msgs.msg import Point, Quaternion, Transform, TransformStamped, Vector3
 from us_ct_registration.msg import Alignment, CtInfo, StatusCode
 from us_ct_registration.srv import (Cancel, CancelResponse, SetInitialAlignment, SetInitialAlignmentRequest,
                                     SetInitialAlignmentResponse)
@@ -182,7 +182,7 @@ class SlicerBridge(TfPublisherCase):
         T_fixed_us = pose((20, -30, 400), axis, angle)
         self.send_tf_of_us(T_fixed_us, axis, angle)
         self.start_publisher(policy="confirm")
-        self.result(1, 0.25)
+        self.result(1, 0.25, transform=Transform(translation=Vector3(x=0.01), rotation=Quaternion(w=1.0)))
         number = str(self.id_of(1))
         self.client.wait("STRING", "registration", lambda text: "WAITING" in text and number in text)
 
@@ -200,6 +200,9 @@ class SlicerBridge(TfPublisherCase):
         expected = mirror @ numpy.linalg.inv(T_fixed_us) @ T_fixed_ct @ mirror
         found = self.client.wait("TRANSFORM", "ct_to_us", lambda _: True)
         numpy.testing.assert_allclose(found, expected, atol=1e-3)
+        # To the ultrasound as it was acquired, which the result tells: 10 mm elsewhere here, as if the probe had moved.
+        found = self.client.wait("TRANSFORM", "ct_to_us_acquired", lambda _: True)
+        numpy.testing.assert_allclose(found, mirror @ pose((10, 0, 0), (0, 0, 1), 0.0) @ mirror, atol=1e-3)
         self.client.wait("STATUS", "registration_status", lambda s: s[0] == STATUS_OK and "is broadcast" in s[1])
 
         self.command("revert", "is given up")

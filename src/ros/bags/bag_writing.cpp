@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "ros/bags/acquisition_bag.h"
 #include "ros/bags/frame_stream.h"
@@ -209,6 +210,10 @@ void BagOptions::validate() const {
   require_frame("us_frame", us_frame);
   require_frame("array_frame", array_frame);
   require_frame("ct_frame", ct_frame);
+  if (std::set<std::string>{fixed_frame, us_frame, array_frame, ct_frame}.size() < 4)
+    throw InputError("bag options", "the frames are '" + fixed_frame + "', '" + us_frame + "', '" +
+                                        array_frame + "' and '" + ct_frame +
+                                        "', must have four different names");
 }
 
 void write_acquisition_bag(const std::vector<BagAcquisition>& acquisitions, const BagCt& ct,

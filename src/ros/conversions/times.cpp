@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
@@ -28,6 +29,16 @@ void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const s
 void require_stamped(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source) {
   if (stamp.isZero()) throw InputError(source, "'header.stamp' is 0, must be set");
   require_not_ahead(stamp, now, source, "header.stamp");
+}
+
+std::string utc_text(const ::ros::Time& time) {
+  const std::time_t seconds = time.sec;
+  std::tm date{};
+  gmtime_r(&seconds, &date);
+  constexpr unsigned kNanosecondsPerMs = 1000000;
+  return formatted("%04d-%02d-%02dT%02d:%02d:%02d.%03uZ", date.tm_year + 1900, date.tm_mon + 1,
+                   date.tm_mday, date.tm_hour, date.tm_min, date.tm_sec,
+                   time.nsec / kNanosecondsPerMs);
 }
 
 std::uint64_t wall_time_ms() {

@@ -35,6 +35,9 @@ inline double seconds_between(const ::ros::Time& earlier, const ::ros::Time& lat
 /// there.
 ::ros::Time shifted(const ::ros::Time& time, double seconds);
 
+/// ISO 8601 in UTC to the millisecond, like 2024-05-17T09:30:00.250Z.
+std::string utc_text(const ::ros::Time& time);
+
 /// Throws InputError, naming `source` and `field`, if the stamp is more than `kMostAheadS` ahead of
 /// `now`. Nothing is known of the time while `now` is 0, before simulated time begins.
 void require_not_ahead(const ::ros::Time& stamp, const ::ros::Time& now, const std::string& source,

@@ -41,6 +41,10 @@ class OperatorState {
   const us_ct_registration::Alignment& alignment() const { return alignment_; }
   /// The alignment that counts, or why none does, in words.
   std::string in_force() const;
+  /// The result whose alignment counts; null if none counts, or its result is not known.
+  const us_ct_registration::RegistrationResult* result_in_force() const {
+    return is_in_force() ? known(alignment_.result_id) : nullptr;
+  }
   bool is_in_force() const { return alignment_.state != us_ct_registration::Alignment::NONE; }
   /// What waits for a decision; else the last registration if it was refused; else what counts.
   OperatorSubject subject() const;

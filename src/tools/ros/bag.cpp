@@ -1,11 +1,14 @@
 #include <array>
+#include <cstdint>
 #include <cstdio>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "ros/bags/acquisition_bag.h"
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
+#include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
@@ -14,6 +17,7 @@
 #include "tools/ros/read_endoscope.h"
 #include "tools/ultrasound_options.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
@@ -82,6 +86,11 @@ std::vector<BagAcquisition> read_acquisitions(const BagWriteCommand& command) {
 }
 
 int run_write(BagWriteCommand command) {
+  constexpr double kLatestS = std::numeric_limits<std::uint32_t>::max();  // as of ros::Time
+  if (!(command.start_s >= 0.0 && command.start_s < kLatestS))
+    throw InputError("--start", "is " + formatted("%.10g", command.start_s) +
+                                    ", must be from 0 to " + formatted("%.10g", kLatestS) +
+                                    " s since 1970");
   command.bag.poses_in_tf = command.poses == "tf";
   command.bag.start = command.start_s == 0.0 ? ::ros::Time(::ros::WallTime::now().toSec())
                                              : ::ros::Time(command.start_s);
@@ -112,17 +121,25 @@ struct BagReadCommand {
                                     ", must be less");
 }
 
+/// Files keep when they were acquired, as the stamp does in a bag.
+void write_sweep(const msg::PreScanVolume& message, const BagReadCommand& command) {
+  PreScanVolume volume = ros_interface::from_message(message, command.bag);
+  volume.acquisition_time = ros_interface::utc_text(message.header.stamp);
+  write_prescan_nrrd(volume, command.us);
+}
+
 int run_read(const BagReadCommand& command) {
   if (command.us.empty() && command.ct.empty())
     throw InputError("bag read", "neither --us nor --ct is given: nothing to take out");
+  if (!command.us.empty() && std::filesystem::path(command.us).extension() != ".nrrd")
+    throw InputError("--us", "is '" + command.us + "', must end in .nrrd");
   int volumes = 0;
   int cts = 0;
   BagVisitor visitor;
   visitor.warning = warn;
   if (!command.us.empty())
     visitor.us = [&](const msg::PreScanVolume& volume) {
-      if (volumes++ == command.index)
-        write_prescan_nrrd(ros_interface::from_message(volume, command.bag), command.us);
+      if (volumes++ == command.index) write_sweep(volume, command);
     };
   if (!command.ct.empty())
     visitor.ct = [&](const msg::CtVolume& volume) {

@@ -87,6 +87,9 @@ void write_picture(const sensor_msgs::ImageConstPtr& image, const fs::path& path
 }
 
 int run_video(const BagVideoCommand& command) {
+  // Before the video is written.
+  if (!command.picture.empty() && fs::path(command.picture).extension() != ".png")
+    throw InputError("--picture", "is '" + command.picture + "', must end in .png");
   const Images images = read_images(command);
   write_video(images, command.video);
   if (!command.picture.empty()) write_picture(images[images.size() / 2], command.picture);

@@ -53,15 +53,17 @@ struct Padding {
   bool is_signed;
   int bits_stored;
   const char* warning;
+  int hu = -1024;
 };
 
-TEST(DicomPixels, PaddingIsAirWhateverItsValue) {
+TEST(DicomPixels, PaddingIsAirUnlessItMayBeTissue) {
   for (const Padding& padding :
        {Padding{-2000, {}, -2000, true, 16, ""}, Padding{0, {}, 0, false, 16, ""},
         Padding{4095, {}, 4095, false, 12, "up to 3071 HU"},
         Padding{63536, {}, 63536, false, 16, "up to 62512 HU"},
         Padding{3000, 4000, 3500, false, 16, "up to 2976 HU"},
-        Padding{4000, 3000, 3500, false, 16, "up to 2976 HU"}}) {
+        Padding{4000, 3000, 3500, false, 16, "up to 2976 HU"},
+        Padding{1024, {}, 1024, false, 16, "up to 0 HU", 0}}) {
     SCOPED_TRACE(padding.value);
     auto slices = slices_with_first_column(padding.stored, padding.is_signed, padding.bits_stored);
     for (DicomSlice& slice : slices) {
@@ -69,7 +71,7 @@ TEST(DicomPixels, PaddingIsAirWhateverItsValue) {
       if (padding.limit) slice.changes[{0x0028, 0x0121}] = short_bytes(*padding.limit);
     }
     const LoadedCt ct = read_slices(slices);
-    EXPECT_EQ(ct.volume.at(0, 3, 1), -1024);
+    EXPECT_EQ(ct.volume.at(0, 3, 1), padding.hu);
     EXPECT_EQ(ct.volume.at(1, 3, 1), kStoredInTheMiddle - 1024);
     ASSERT_EQ(ct.warnings.size(), *padding.warning ? 1U : 0U);
     const std::string warning = ct.warnings.empty() ? "" : ct.warnings[0];

@@ -138,7 +138,7 @@ TEST(Registration, SaysWhatToDoNextAndLogsOneLine) {
       client.node.advertise<msg::Alignment>("registration/alignment", 1, true);
   for (const auto& [policy, expected] :
        {std::pair("confirm", "rosservice call /plain/registration/accept "),
-        std::pair("auto", "accepts it by itself")}) {
+        std::pair("auto", "tf_publisher decides by itself")}) {
     msg::Alignment alignment;
     alignment.policy = policy;
     alignments.publish(alignment);

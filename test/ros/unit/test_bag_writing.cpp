@@ -207,6 +207,9 @@ TEST(AcquisitionBag, OptionsThatContradictAreRefused) {
   in_tf.poses_in_tf = true;
   BagOptions short_pause = options_at(100.0);
   short_pause.pause_s = 1.0;
+  BagOptions same_frames = options_at(100.0);
+  same_frames.fixed_frame = same_frames.us_frame;
+  EXPECT_THROW(write({{motorised(), T, {}}}, same_frames), InputError);
   EXPECT_THROW(write({}, options_at(100.0)), InputError);
   EXPECT_THROW(write({{motorised(), {}, {}}, {tracked(), {}, {}}}, options_at(100.0)), InputError);
   EXPECT_THROW(write({{motorised(), T, {}}, {motorised(), {}, {}}}, options_at(100.0)), InputError);

@@ -456,10 +456,22 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   know(98.0, 0.0);
   know(99.0, 0.0);
-  // A refusal that was decided in time is kept.
-  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(101)), kNow);
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
+}
+
+/// Somebody connects the frames that the refusal names, and asks again.
+TEST_F(HeldVolumesWithTf, VolumesThatWereRefusedForWantOfTfAreLookedUpAgain) {
+  options_.tf_timeout_s = 0.01;
+  volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  know(99.0, 12.0);
+  know(101.0, 12.0);
+  const auto found = volumes().ultrasound(::ros::Time(), never);
+  EXPECT_NEAR(found->pose.T_fixed_us.translation().x(), 12.0, 1e-9);
+  EXPECT_TRUE(volumes().require_still(*found, never));
 }
 
 /// The volume is available as soon as tf reaches its stamp; its result waits.

@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "core/io/temporary_folder.h"
+#include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/ingest/ultrasound_file.h"
 #include "ros/ingest/watched_folder.h"
@@ -77,6 +78,8 @@ TEST(WatchedFolder, SaysThatTheFolderCannotBeRead) {
 TEST(TimeFromUtc, CountsFromTheEpoch) {
   EXPECT_EQ(time_from_utc("1970-01-01T00:00:00Z", "file"), ::ros::Time(0, 0));
   EXPECT_EQ(time_from_utc("2024-05-17T09:30:00.25Z", "file"), ::ros::Time(1715938200, 250000000));
+  EXPECT_EQ(utc_text(::ros::Time(1715938200, 250000000)), "2024-05-17T09:30:00.250Z");
+  EXPECT_EQ(utc_text(::ros::Time(4291747199, 0)), "2105-12-31T23:59:59.000Z");
   EXPECT_THROW(time_from_utc("1969-12-31T23:59:59Z", "file"), InputError);
   EXPECT_THROW(time_from_utc("2024-05-17", "file"), InputError);
 }

@@ -99,11 +99,11 @@ std::vector<DicomSeries> find_dicom_series(const std::filesystem::path& path);
 /// Slices are ordered by their positions along their normal, never by name or number; the spacing
 /// comes from the positions. Voxels are Hounsfield units, by each slice's own rescale slope and
 /// intercept, rounded to nearest; values outside int16 are an error. Padding (PixelPaddingValue, to
-/// PixelPaddingRangeLimit) becomes -1024 HU, the value of air, with a warning if it stands for
-/// more. Slices that differ in RescaleType are an error; one that is not HU is a warning.
-/// Localizers, other modalities and files that are no CT images are skipped with a warning. Of
-/// slices at the same place with the same pixels one is used, with a warning; different pixels are
-/// an error.
+/// PixelPaddingRangeLimit) below -1024 or above 2000 HU becomes -1024 HU, the value of air, with a
+/// warning if it stands for more than air; between them it may be tissue, and stays. Slices that
+/// differ in RescaleType are an error; one that is not HU is a warning. Localizers, other
+/// modalities and files that are no CT images are skipped with a warning. Of slices at the same
+/// place with the same pixels one is used, with a warning; different pixels are an error.
 ///
 /// Throws InputError, naming the file or the series and the fault, for files that cannot be read
 /// and, unless options.resample_irregular, for slices that are not on a regular grid; and, before

@@ -110,10 +110,11 @@ void to_hounsfield(const DicomFile& file, std::size_t frame, const Bytes& stored
     std::memcpy(&raw, &stored[i * sizeof(Raw)], sizeof(Raw));
     raw = static_cast<Raw>(raw << unused);
     const int value = images.is_signed ? static_cast<Signed>(raw) >> unused : raw >> unused;
-    // Nothing was measured where there is padding, whatever its value.
+    double hu = std::nearbyint(value * slope + intercept);
+    // Nothing was measured where there is padding.
     const bool is_padding =
         images.padding && value >= images.padding->first && value <= images.padding->second;
-    const double hu = is_padding ? kAirHu : std::nearbyint(value * slope + intercept);
+    if (is_padding && (hu < kAirHu || hu > kDensestTissueHu)) hu = kAirHu;
     if (!(hu >= std::numeric_limits<std::int16_t>::min() &&
           hu <= std::numeric_limits<std::int16_t>::max()))
       refuse(file, "a pixel is " + format(hu) + " HU ('RescaleSlope' " + format(slope) +

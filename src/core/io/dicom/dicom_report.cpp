@@ -78,7 +78,8 @@ void warn_of_values(const std::vector<Slice>& slices, std::vector<std::string>& 
     const double greatest = std::max(hu(padding->first), hu(padding->second));
     if (greatest <= kAirHu) continue;
     warnings.push_back(frame.pose.name + ": 'PixelPaddingValue' declares values up to " +
-                       format(greatest) + " HU as not measured: they are read as air");
+                       format(greatest) + " HU as not measured: those of more than " +
+                       format(kDensestTissueHu) + " HU are read as air, others as they are");
     return;
   }
 }

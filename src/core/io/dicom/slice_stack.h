@@ -62,6 +62,9 @@ SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance);
 
 /// Value of voxels outside all slices: air.
 constexpr std::int16_t kAirHu = -1024;
+/// No tissue that registration looks at has more. Values up to here that a header declares as
+/// padding may be tissue all the same: 0 HU has been declared so, which is water.
+constexpr double kDensestTissueHu = 2000.0;
 
 /// A regular grid with the slices' axes and normal, the least spacing between neighbours, and the
 /// extent of all slices. Throws InputError, naming `source`, if it has more than 8192 slices.
