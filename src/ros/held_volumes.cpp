@@ -306,7 +306,8 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
     throw Refusal(Status::NO_ULTRASOUND,
                   "the ultrasound with the stamp " + seconds_text(stamp) +
                       " was given up for newer volumes while it waited for tf (volumes_kept)");
-  if (entry->refusal && entry->volume) settle(*entry);
+  // The converting thread then judges whether the probe stood still.
+  if (entry->refusal && entry->volume && settle(*entry)) wake_.notify_all();
   if (entry->refusal) throw UltrasoundRefusal(*entry->refusal, entry->header);
   return entry->volume;
 }
