@@ -12,7 +12,7 @@ namespace usct::tools {
 /// them.
 class BeamCommandOptions {
  public:
-  /// Adds these options and those of UltrasoundOptions.
+  /// Adds these options and those of UltrasoundOptions, with compounding.
   void add_to(CLI::App& command);
 
   /// Reads the ultrasound; warnings go to standard error.
@@ -20,9 +20,20 @@ class BeamCommandOptions {
   /// The beams of the ultrasound. Throws InputError, naming the option, if an option does not suit
   /// the kind of ultrasound.
   UltrasoundBeams beams(const Ultrasound& ultrasound, bool quiet) const;
-  const CompoundOptions& compounding() const { return ultrasound_.compounding(); }
+  bool are_parallel() const { return parallel_beams_mm_ > 0.0; }
+  /// See UltrasoundOptions.
+  const CompoundOptions& compounding(const Ultrasound& ultrasound) const {
+    return ultrasound_.compounding(ultrasound);
+  }
+  void require_no_compounding(const std::string& condition) const {
+    ultrasound_.require_no_compounding(condition);
+  }
 
  private:
+  /// Throws InputError, naming the option, if an option does not suit the kind of ultrasound.
+  void check(const Ultrasound& ultrasound) const;
+
+  const CLI::App* command_ = nullptr;
   UltrasoundOptions ultrasound_;
   std::string mask_;
   double parallel_beams_mm_ = 0.0;

@@ -3,6 +3,7 @@
 
 #include "commands.h"
 #include "exit_status.h"
+#include "option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/ultrasound/probe_config.h"
@@ -84,8 +85,10 @@ void add_calibrate_motor_command(CLI::App& app, Run& run) {
       ->add_option("--true-distance-mm", options->true_distance_mm,
                    "d, from a CT or a drawing of the phantom")
       ->required();
-  command->add_option("--frames", options->frames,
-                      "frames of a sweep, if the last of them show no wires");
+  command
+      ->add_option("--frames", options->frames,
+                   "frames of a sweep, if the last of them show no wires")
+      ->check(at_least(2));
   command->add_flag("--falling", options->falling,
                     "frame angles fall with the frame number (default: they rise)");
   command->add_flag("--fit-distance", options->fit_distance,

@@ -35,6 +35,9 @@ struct CaseCommand {
 PreScanVolume read_beams(const CaseCommand& command) {
   Ultrasound ultrasound = read_ultrasound_with_warnings(command.ultrasound.source(command.us));
   auto* beams = std::get_if<PreScanVolume>(&ultrasound);
+  if (std::holds_alternative<UsVolume>(ultrasound))
+    throw InputError(command.us,
+                     "is a Cartesian volume, must have beams: give the sweep that it was made of");
   if (beams == nullptr)
     throw InputError(command.us,
                      "holds images whose beams are not known, must have beams: give --probe, "
@@ -63,7 +66,8 @@ bool set_truth(const CaseCommand& command, StudyCase& made) {
     made.T_us_ct_true = read_T_us_ct(command.truth);
   } else {
     std::tie(made.targets_ct_mm, made.targets_us_mm) = read_landmarks(command, made);
-    const FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm);
+    const FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm,
+                                                        command.landmarks[1], command.landmarks[0]);
     made.T_us_ct_true = standard.T_us_ct;
     print(standard);
     warn_of_landmarks({command.landmarks[0], made.targets_ct_mm},

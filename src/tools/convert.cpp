@@ -7,6 +7,7 @@
 #include "convert_ultrasound.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/formats.h"
@@ -37,11 +38,9 @@ PreScanVolume along_beams(const Volume<T>& volume, const ConvertOptions& options
   if (options.window_hu.empty())
     throw InputError("--along-beams",
                      "needs --window, the values that become 0 and 255 in the 8-bit result");
+  require_rising("--window", options.window_hu);
   const double low = options.window_hu[0];
   const double high = options.window_hu[1];
-  if (!(low < high))
-    throw InputError("--window",
-                     "is " + std::to_string(low) + " to " + std::to_string(high) + ", must rise");
   PreScanVolume result = read_prescan_nrrd(options.along_beams);
   Eigen::Isometry3d T_volume_us = Eigen::Isometry3d::Identity();
   if (!options.transform.empty()) T_volume_us = read_T_us_ct(options.transform).inverse();
@@ -115,6 +114,8 @@ void check_options(const ConvertOptions& options, const FileFormat& format) {
   }
   if (format.content != FileContent::kUltrasound)
     refuse_if(options.ultrasound.scan_convert_mm > 0.0, "--scan-convert", "ultrasound");
+  if (options.ultrasound.scan_convert_mm == 0.0)
+    options.ultrasound.input.require_no_compounding("--scan-convert is given");
   check_ultrasound_options(options.ultrasound.input.source(options.input), format);
 }
 

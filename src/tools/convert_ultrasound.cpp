@@ -3,7 +3,9 @@
 #include <limits>
 #include <map>
 
+#include "commands.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/formats.h"
@@ -68,6 +70,15 @@ Volume<float> normalised(const ScanConverted& converted, const UltrasoundConvers
   return result;
 }
 
+/// The mask is the second file: without this check, a bad name would leave the first one alone.
+void require_mask_place(const std::string& mask) {
+  require_place("--mask", mask);
+  if (!has_volume_extension(mask) || ends_with(mask, ".nhdr"))
+    throw InputError("--mask", "is '" + mask +
+                                   "', must end as a volume: .nrrd, .mha, .mhd, .nii "
+                                   "or .nii.gz");
+}
+
 }  // namespace
 
 void UltrasoundConversion::add_to(CLI::App& command) {
@@ -93,14 +104,16 @@ void UltrasoundConversion::add_to(CLI::App& command) {
       ->needs(normalise)
       ->capture_default_str();
   input.add_to(command);
+  input.add_compounding_to(command);
 }
 
 void convert_ultrasound(const std::string& input, const std::string& output,
                         const UltrasoundConversion& conversion, bool quiet) {
+  if (!conversion.mask.empty()) require_mask_place(conversion.mask);
   const Ultrasound ultrasound = read_ultrasound_with_warnings(conversion.input.source(input));
   if (conversion.scan_convert_mm > 0.0) {
     const ScanConverted converted =
-        in_space(ultrasound, conversion.scan_convert_mm, conversion.input.compounding(),
+        in_space(ultrasound, conversion.scan_convert_mm, conversion.input.compounding(ultrasound),
                  progress_bar("scan conversion", quiet));
     if (conversion.normalisation == Normalisation::kNone)
       write_volume(converted.volume, output);

@@ -24,15 +24,20 @@ Json json_of(const Eigen::Isometry3d& T) {
   return numbers;
 }
 
+/// The keys that camera_calibration_parsers reads; the projection is that of the left camera, or of
+/// one alone.
 std::string camera_yaml(const CameraIntrinsics& camera) {
   const auto& d = camera.distortion;
   return formatted(
       "image_width: %d\nimage_height: %d\ncamera_name: endoscope\n"
       "camera_matrix: {rows: 3, cols: 3, data: [%.10g, 0, %.10g, 0, %.10g, %.10g, 0, 0, 1]}\n"
       "distortion_model: plumb_bob\n"
-      "distortion_coefficients: {rows: 1, cols: 5, data: [%.10g, %.10g, %.10g, %.10g, %.10g]}\n",
+      "distortion_coefficients: {rows: 1, cols: 5, data: [%.10g, %.10g, %.10g, %.10g, %.10g]}\n"
+      "rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
+      "projection_matrix: {rows: 3, cols: 4, data: [%.10g, 0, %.10g, 0, 0, %.10g, %.10g, 0, 0, 0, "
+      "1, 0]}\n",
       camera.width, camera.height, camera.fx, camera.cx, camera.fy, camera.cy, d[0], d[1], d[2],
-      d[3], d[4]);
+      d[3], d[4], camera.fx, camera.cx, camera.fy, camera.cy);
 }
 
 Json description_of(const Endoscope& endoscope) {

@@ -11,7 +11,7 @@ namespace usct::tools {
 ///
 /// | file | content |
 /// |---|---|
-/// | `camera.yaml` | both cameras, as ROS' camera_calibration writes it |
+/// | `camera.yaml` | intrinsics of both cameras, as ROS' camera_calibration writes them |
 /// | `left_0000.png`, `right_0000.png`, ... | the images |
 /// | `left_tumour_0000.png`, ... | white where the line of sight meets the tumour: the truth |
 /// | `endoscope.json` | version, options, tumour, and the times and true poses of all frames |

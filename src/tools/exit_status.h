@@ -8,7 +8,7 @@ constexpr int kDone = 0;
 constexpr int kFailed = 1;
 /// Bad arguments or bad input.
 constexpr int kBadInput = 2;
-/// Registration refused: low confidence, no overlap.
+/// Not registered: the status of the result is low_confidence, no_overlap or failed.
 constexpr int kRefused = 3;
 
 }  // namespace usct::tools

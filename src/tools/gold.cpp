@@ -33,7 +33,8 @@ struct GoldCommand {
 std::pair<Points, Points> paired_fiducials(const GoldCommand& command) {
   std::pair<Points, Points> points{read_points_mm(command.us), read_points_mm(command.ct)};
   if (!command.match) return points;
-  const FiducialMatching matching = match_fiducials(points.first, points.second, command.fle_mm);
+  const FiducialMatching matching =
+      match_fiducials(points.first, points.second, command.fle_mm, command.us + ", " + command.ct);
   std::printf("ultrasound | CT (numbers of the points in their files)\n");
   for (const auto& [us, ct] : matching.fitting[0].pairs)
     std::printf("%10zu | %zu\n", us + 1, ct + 1);
@@ -48,7 +49,7 @@ std::pair<Points, Points> paired_fiducials(const GoldCommand& command) {
 
 int run_fiducials(const GoldCommand& command) {
   const auto [us, ct] = paired_fiducials(command);
-  const FiducialStandard standard = fiducial_standard(us, ct);
+  const FiducialStandard standard = fiducial_standard(us, ct, command.us, command.ct);
   std::printf("fiducial | residual mm | left out mm\n");
   for (std::size_t i = 0; i < standard.fiducials.size(); ++i) {
     const FiducialResidual& one = standard.fiducials[i];
@@ -77,8 +78,8 @@ int run_fiducials(const GoldCommand& command) {
 
 int run_surfaces_standard(const GoldCommand& command) {
   constexpr double kLeastRatio = 1.05;
-  const SurfaceStandard standard =
-      surface_standard(read_points_mm(command.us), read_points_mm(command.ct));
+  const SurfaceStandard standard = surface_standard(
+      read_points_mm(command.us), read_points_mm(command.ct), command.us, command.ct);
   std::printf("alignment | distance of the surfaces mm | turned from the best\n");
   const Eigen::Matrix3d best = standard.alignments[0].T_us_ct.linear();
   for (std::size_t i = 0; i < standard.alignments.size(); ++i) {

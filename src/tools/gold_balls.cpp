@@ -8,6 +8,7 @@
 #include "exit_status.h"
 #include "gold_commands.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/ball_detection.h"
@@ -68,7 +69,9 @@ int run_gold_balls(const GoldBallsCommand& command) {
   if (command.count && centres_mm.size() != static_cast<std::size_t>(*command.count))
     throw InputError("--count",
                      formatted("is %d, but %zu balls were found", *command.count, number));
-  if (centres_mm.empty()) throw InputError("gold balls", "no ball was found");
+  if (centres_mm.empty())
+    throw InputError(command.us.empty() ? command.ct : command.us,
+                     formatted("no ball of %g mm was found in it", command.diameter_mm));
   if (!command.output.empty()) write_points_mm(centres_mm, command.output);
   return kDone;
 }
@@ -81,8 +84,8 @@ void add_gold_balls(CLI::App& gold, Run& run) {
       "balls",
       "Finds steel balls of a known diameter in a CT or in pre-scan ultrasound and writes their "
       "centres, in no order, for `usct gold fiducials --match`.");
-  command->add_option("CT", options->ct, "the CT: file or DICOM folder");
-  command->add_option("--us", options->us, "pre-scan ultrasound instead of a CT");
+  CLI::Option* ct = command->add_option("CT", options->ct, "the CT: file or DICOM folder");
+  CLI::Option* us = command->add_option("--us", options->us, "pre-scan ultrasound instead of a CT");
   command->add_option("--diameter", options->diameter_mm, "of the balls, mm")
       ->capture_default_str();
   command
@@ -93,18 +96,21 @@ void add_gold_balls(CLI::App& gold, Run& run) {
   command
       ->add_option("--least-hu", options->in_ct.least_contrast_hu,
                    "CT: mean HU above the surroundings, within the diameter, that make a ball")
+      ->needs(ct)
       ->capture_default_str();
   command
       ->add_option("--least-contrast", options->in_us.least_contrast,
                    "ultrasound: grey values by which an echo exceeds its surroundings")
+      ->needs(us)
       ->capture_default_str();
   command
       ->add_option("--echo-radius", options->in_us.echo_radius_mm,
                    "ultrasound: where the surroundings of an echo begin, mm")
+      ->needs(us)
       ->capture_default_str();
   command->add_option("--output", options->output, "CSV to write, with the header x,y,z, mm");
-  add_dicom_options(*command, options->dicom);
-  options->ultrasound.add_to(*command);
+  all_need(ct, *add_dicom_options(*command, options->dicom));
+  all_need(us, *options->ultrasound.add_to(*command));
   command->callback([options, &run] { run = [options] { return run_gold_balls(*options); }; });
 }
 

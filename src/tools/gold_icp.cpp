@@ -10,6 +10,7 @@
 #include "exit_status.h"
 #include "gold_commands.h"
 #include "us_ct_registration/baselines/icp.h"
+#include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/surface_standard.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/results/points_io.h"
@@ -52,12 +53,15 @@ std::vector<IcpResult> distinct(std::vector<IcpResult> results) {
 /// surfaces may not overlap; it is an error if they do from none.
 std::vector<IcpResult> results_of(const GoldIcpCommand& command, const Points& us,
                                   const Points& ct) {
-  if (!command.initial.empty()) return {icp(us, ct, read_T_us_ct(command.initial), command.icp)};
+  const auto from = [&](const Isometry3d& start) {
+    return icp(us, ct, start, command.icp, command.us, command.ct);
+  };
+  if (!command.initial.empty()) return {from(read_T_us_ct(command.initial))};
   std::vector<IcpResult> results;
   std::optional<InputError> last;
-  for (const Isometry3d& start : axis_alignments(us, ct)) {
+  for (const Isometry3d& start : axis_alignments(us, ct, command.us, command.ct)) {
     try {
-      results.push_back(icp(us, ct, start, command.icp));
+      results.push_back(from(start));
     } catch (const InputError& error) {
       last = error;
     }

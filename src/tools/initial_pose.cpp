@@ -18,11 +18,7 @@ using Eigen::Vector3d;
 Isometry3d from_landmarks(const std::string& ct_path, const std::string& us_path) {
   const std::vector<Vector3d> points_ct = read_points_mm(ct_path);
   const std::vector<Vector3d> points_us = read_points_mm(us_path);
-  if (points_ct.size() != points_us.size())
-    throw InputError("--landmarks", ct_path + " has " + std::to_string(points_ct.size()) +
-                                        " points and " + us_path + " has " +
-                                        std::to_string(points_us.size()) + ", must be as many");
-  const LandmarkAlignment alignment = align_landmarks(points_us, points_ct);
+  const LandmarkAlignment alignment = align_landmarks(points_us, points_ct, us_path, ct_path);
   std::fprintf(stderr, "usct: landmarks: %zu pairs, RMS of what is left %.2f mm\n",
                points_ct.size(), alignment.residual_mm);
   warn_of_landmarks({ct_path, points_ct}, {us_path, points_us}, alignment.residual_mm);

@@ -9,7 +9,7 @@ void print_warnings(const std::vector<std::string>& warnings) {
     std::fprintf(stderr, "usct: warning: %s\n", warning.c_str());
 }
 
-void add_dicom_options(CLI::App& command, DicomReadOptions& options) {
+CLI::App* add_dicom_options(CLI::App& command, DicomReadOptions& options) {
   CLI::App* group = command.add_option_group("DICOM");
   group->add_option("--series", options.series_uid,
                     "SeriesInstanceUID, where a folder holds several CT series");
@@ -18,6 +18,7 @@ void add_dicom_options(CLI::App& command, DicomReadOptions& options) {
   group->add_flag("--resample-irregular", options.resample_irregular,
                   "resample gantry tilt, uneven and missing slices onto a regular grid instead of "
                   "refusing them");
+  return group;
 }
 
 CtVolume read_ct_with_warnings(const std::string& path, const DicomReadOptions& options,

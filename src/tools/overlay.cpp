@@ -10,6 +10,7 @@
 #include "exit_status.h"
 #include "inputs.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/camera_file.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/volumes/label_table.h"
@@ -47,6 +48,17 @@ Picture empty_image(const CameraIntrinsics& camera) {
   return picture;
 }
 
+Picture background(const OverlayCommand& command, const CameraIntrinsics& camera) {
+  if (command.image.empty()) return empty_image(camera);
+  Picture picture = read_png(command.image);
+  if (picture.width != camera.width || picture.height != camera.height)
+    throw InputError(command.image,
+                     formatted("has %d x %d pixels, must have those of the camera in '%s', %d x %d",
+                               picture.width, picture.height, command.camera.c_str(), camera.width,
+                               camera.height));
+  return picture;
+}
+
 std::vector<OverlayStructure> structures_of(const OverlayCommand& command) {
   const LabelTable table = command.names.empty() ? LabelTable{} : read_label_table(command.names);
   std::vector<OverlayStructure> structures;
@@ -78,8 +90,7 @@ std::vector<OverlayStructure> structures_of(const OverlayCommand& command) {
 
 int run_overlay(const OverlayCommand& command) {
   const Camera camera = read_camera(command.camera);
-  Picture picture =
-      command.image.empty() ? empty_image(camera.intrinsics()) : read_png(command.image);
+  Picture picture = background(command, camera.intrinsics());
   const std::vector<OverlayStructure> structures = structures_of(command);
   const OverlayCoverage coverage =
       OverlayRenderer(command.drawing)
@@ -128,6 +139,7 @@ void add_overlay_command(CLI::App& app, Run& run) {
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   command->add_option("--triangles", options->triangles, "greatest number per surface")
+      ->check(CLI::Range(1000, 2000000))
       ->capture_default_str();
   command->callback([options, &run] { run = [options] { return run_overlay(*options); }; });
 }

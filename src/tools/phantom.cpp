@@ -5,6 +5,7 @@
 #include "endoscope_files.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
@@ -60,6 +61,24 @@ void copy_three(const std::vector<T>& from, Vector& to) {
   if (!from.empty()) to = Vector(from[0], from[1], from[2]);
 }
 
+/// Knobs of the other scenes and sweeps, which change nothing, are refused. What the core refuses
+/// by its value is left to it.
+void require_used(const CLI::App& app, const PhantomOptions& knobs) {
+  using phantom::SceneKind;
+  using phantom::SweepKind;
+  if (knobs.scene != SceneKind::kAgar)
+    require_left_out(app, {"--ball-diameter"}, "--scene is agar");
+  if (knobs.scene != SceneKind::kPatient)
+    require_left_out(app, {"--no-tumour", "--no-cyst", "--no-stone"}, "--scene is patient");
+  if (knobs.scene == SceneKind::kFromCt)
+    require_left_out(app, {"--ct-size", "--ct-spacing", "--ct-axes", "--ct-oblique", "--ct-noise"},
+                     "--scene is agar or patient");
+  if (knobs.sweep.kind == SweepKind::kMotorised)
+    require_left_out(app, {"--sweep-length", "--frame-rate"}, "--sweep is tracked");
+  if (knobs.sweep.kind == SweepKind::kTrackedLinear)
+    require_left_out(app, {"--lateral-fov"}, "--sweep is motorised or tracked-curvilinear");
+}
+
 void complete(PhantomCommand& command) {
   PhantomOptions& knobs = command.knobs;
   knobs.scene = phantom::parse_scene(command.scene, "--scene");
@@ -77,7 +96,9 @@ void complete(PhantomCommand& command) {
   copy_three(command.ct_spacing_mm, knobs.ct.spacing_mm);
   copy_three(command.ct_oblique_deg, knobs.ct.oblique_deg);
   for (const std::string& text : command.tissues)
-    knobs.from_ct.tissue_of_label.insert(parse_label(text));
+    if (const auto [label, tissue] = parse_label(text);
+        !knobs.from_ct.tissue_of_label.emplace(label, tissue).second)
+      throw InputError("--label", "names " + std::to_string(label) + " twice, must do so once");
   if (!command.kidney_centre_mm.empty())
     knobs.from_ct.kidney_centre_mm = Eigen::Vector3d(command.kidney_centre_mm.data());
   knobs.anatomy.tumour = !command.no_tumour;
@@ -98,10 +119,11 @@ phantom::PhantomCase make(const PhantomCommand& command, const Progress& progres
   return phantom::make_phantom_from_ct(ct, labels, command.knobs, progress);
 }
 
-int run_phantom(PhantomCommand command) {
+int run_phantom(const CLI::App& app, PhantomCommand command) {
   complete(command);
   const std::string extension = "." + command.ct_format;
   command.knobs.validate();
+  require_used(app, command.knobs);
   phantom::require_phantom_folder(command.output, extension);
   std::optional<phantom::Endoscope> endoscope;
   if (command.with_endoscope) endoscope.emplace(command.knobs, command.endoscope);
@@ -141,12 +163,6 @@ void add_anatomy_knobs(CLI::App& app, PhantomCommand& command) {
   group->add_flag("--no-tumour", command.no_tumour, "patient without tumour");
   group->add_flag("--no-cyst", command.no_cyst, "patient without cyst");
   group->add_flag("--no-stone", command.no_stone, "patient without kidney stone");
-}
-
-/// Refuses all other options of a group unless `first` is given, without which they have no effect.
-void all_need(CLI::Option* first, CLI::App& group) {
-  for (CLI::Option* option : group.get_options([&](CLI::Option* one) { return one != first; }))
-    option->needs(first);
 }
 
 void add_from_ct_options(CLI::App& app, PhantomCommand& command) {
@@ -312,7 +328,8 @@ void add_phantom_command(CLI::App& app, Run& run) {
   add_from_ct_options(*sub, *command);
   add_endoscope_knobs(*sub, *command);
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
-  sub->callback([command, &run] { run = [command] { return run_phantom(*command); }; });
+  sub->callback(
+      [sub, command, &run] { run = [sub, command] { return run_phantom(*sub, *command); }; });
 }
 
 }  // namespace usct::tools

@@ -45,9 +45,10 @@ void add_presets_command(CLI::App& app, Run& run) {
       "in mm, angles in degrees. A file for 'usct register --options' that begins with 'preset: "
       "NAME' needs only what differs.");
   auto command = std::make_shared<PresetsCommand>();
-  sub->add_option("name", command->name, "preset to print");
+  CLI::Option* name = sub->add_option("name", command->name, "preset to print");
   sub->add_flag("--complete", command->complete,
-                "every value, with those that it takes from another preset; without comments");
+                "every value, with those that it takes from another preset; without comments")
+      ->needs(name);
   sub->callback([command, &run] { run = [command] { return run_presets(*command); }; });
 }
 

@@ -71,7 +71,9 @@ void require_outputs_apart(const CLI::App& app) {
 int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   app.set_version_flag("--version", USCT_VERSION);
   app.require_subcommand(1);
-  app.footer("Exit status: 0 done, 1 failed, 2 bad arguments or input, 3 registration refused.");
+  app.footer(
+      "Exit status: 0 done, 1 the program or the machine failed, 2 bad arguments or input, 3 not "
+      "registered.");
   if (argc > 1) require_known_subcommand(app, argv[1]);
   try {
     app.parse(argc, argv);

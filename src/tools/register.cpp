@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <future>
 #include <map>
@@ -12,12 +11,12 @@
 #include "initial_pose.h"
 #include "inputs.h"
 #include "landmark_warning.h"
+#include "option_checks.h"
 #include "program.h"
 #include "progress_bar.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/target_errors.h"
-#include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/io/options/registration_options_io.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
@@ -95,17 +94,6 @@ void require_initial_pose(const RegisterCommand& command) {
                    "needed with --preset global or --all-orientations");
 }
 
-/// Checks before the work, rather than after it, that a file can be written there.
-void require_place(const std::string& option, const std::filesystem::path& path) {
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
-  if (!std::filesystem::is_directory(folder))
-    throw InputError(
-        option, "is '" + path.string() + "', but there is no folder '" + folder.string() + "'");
-  if (std::filesystem::is_directory(path))
-    throw InputError(option, "is '" + path.string() + "', which is a folder, must be a file");
-  require_writable(path);
-}
-
 void require_places(const RegisterCommand& command) {
   require_place("--output", command.output);
   // Another ending is that of an image or a transform, which must not be lost by a slip.
@@ -161,7 +149,7 @@ void write_pictures(const RegisterCommand& command, const Case& c,
                     const RegistrationResult& result) {
   constexpr double kSpacingMm = 0.8;
   constexpr double kHoleFillMm = 4.0;
-  CompoundOptions compounding = command.ultrasound.compounding();
+  CompoundOptions compounding = command.ultrasound.compounding(c.us);
   if (compounding.hole_fill_radius_mm == 0.0) compounding.hole_fill_radius_mm = kHoleFillMm;
   RegistrationPictureOptions options;
   options.axes_us = picture_axes(c.us);
@@ -260,6 +248,8 @@ void warn_of_refusal(const RegisterCommand& command, const RegistrationResult& r
 int run_register(const RegisterCommand& command) {
   const RegistrationOptions options = options_of(command);
   require_initial_pose(command);
+  if (command.pictures.empty() && !command.ultrasound.are_parallel())
+    command.ultrasound.require_no_compounding("--pictures or --parallel-beams is given");
   require_places(command);
   const ThreadCount threads(command.threads);
   const Case c = read_case(command);
@@ -304,9 +294,9 @@ void add_register_command(CLI::App& app, Run& run) {
       "register",
       "Registers a CT to ultrasound: finds the rigid transform between them, and says how sure it "
       "is. CT in LPS mm, ultrasound in the US frame, mm (x lateral, y axial, z elevation). Exit "
-      "status 0: registered; 2: bad arguments or input; 3: refused, because what was found must "
-      "not "
-      "be used (the result says why, and no transform is written).");
+      "status 0: registered; 2: bad arguments or input; 3: not registered, because what was "
+      "found must not be used or no search was possible (the result says why, and no transform is "
+      "written).");
   auto command = std::make_shared<RegisterCommand>();
   sub->add_option("--ct", command->ct, "DICOM folder or file, NRRD, MetaImage or NIfTI")
       ->required();

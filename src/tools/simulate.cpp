@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "progress_bar.h"
 #include "simulation_files.h"
 #include "us_ct_registration/error.h"
@@ -41,8 +42,11 @@ struct SimulateCommand {
 };
 
 void complete(SimulateCommand& command) {
-  if (!command.window_hu.empty())
+  if (!command.window_hu.empty()) {
+    require_rising("--window", command.window_hu);
     command.simulation.window = HuWindow{command.window_hu[0], command.window_hu[1]};
+    command.simulation.window->validate("--window");
+  }
   if (!command.weights.empty())
     command.fit.fixed_weights =
         SimulationWeights{command.weights[0], command.weights[1], command.weights[2]};
@@ -85,6 +89,8 @@ void print(const SimulatedUltrasound& simulated, const ConditionedUltrasound& co
 
 int run_simulate(SimulateCommand command) {
   complete(command);
+  if (!command.ultrasound.are_parallel())
+    command.ultrasound.require_no_compounding("--parallel-beams is given");
   const UltrasoundBeams beams =
       command.ultrasound.beams(command.ultrasound.read(command.us), command.quiet);
   const int frames = beams.along.beams.frames;
@@ -106,8 +112,9 @@ int run_simulate(SimulateCommand command) {
       excluded(command, conditioned), command.fit);
 
   write_whole_folder(command.output, [&](const std::filesystem::path& folder) {
-    write_simulation({beams, conditioned, components, simulated, command.fit_to}, command.frame,
-                     command.pixel_mm, folder);
+    write_simulation(
+        {beams, conditioned, components, simulated, command.simulation, command.fit_to},
+        command.frame, command.pixel_mm, folder);
   });
   print(simulated, conditioned, command.output);
   return simulated.has_fit() ? kDone : kRefused;
@@ -179,9 +186,11 @@ void add_simulate_command(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand(
       "simulate",
       "Simulates ultrasound from CT along the beams of an acquisition, fits it to the ultrasound, "
-      "and writes every intermediate image: NRRD as the ultrasound is (simulation.json says which "
-      "values are 0 and 255), and one frame as pictures, along the beams and scan-converted. CT in "
-      "LPS mm, ultrasound in the US frame, mm. Exit status 3 if nothing could be fitted.");
+      "and writes, as NRRD in the ultrasound's geometry: ultrasound, ct, gradient, reflection, "
+      "intensity, mapped_ct, simulated, conditioned (simulation.json says which values are 0 and "
+      "255), flags and excluded. One frame is drawn along the beams (frame_beams.png) and, without "
+      "--parallel-beams, scan-converted (frame.png). CT in LPS mm, ultrasound in the US frame, mm. "
+      "Exit status 3 if nothing could be fitted.");
   auto command = std::make_shared<SimulateCommand>();
   sub->add_option("--ct", command->ct, "DICOM folder or file, NRRD, MetaImage or NIfTI")
       ->required();
@@ -189,8 +198,7 @@ void add_simulate_command(CLI::App& app, Run& run) {
   sub->add_option("--transform", command->transform,
                   "ITK transform from US to CT points, mm, LPS (identity if not given)");
   sub->add_option("--output", command->output, "folder to make: absent or empty")->required();
-  sub->add_option("--frame", command->frame, "frame to draw [the middle one]")
-      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--frame", command->frame, "frame to draw [the middle one]")->check(at_least(0));
   sub->add_option("--pixel", command->pixel_mm, "size of a pixel of the pictures, mm")
       ->check(CLI::Range(0.05, 10.0))
       ->capture_default_str();

@@ -142,16 +142,28 @@ void write_json(const nlohmann::ordered_json& json, const std::filesystem::path&
   write_text(path, json.dump(2) + '\n');
 }
 
+/// The values of p that are 0 and 255: grey values, or the range that p has without the limit.
+std::pair<double, double> range_of_mapped_ct(const Simulation& simulation) {
+  if (simulation.options.map.clamp) return {0.0, 255.0};
+  const std::vector<float>& mapped = simulation.components.mapped_ct;
+  const auto [least, greatest] = std::minmax_element(mapped.begin(), mapped.end());
+  return {*least, *greatest > *least ? *greatest : *least + 1.0};
+}
+
 std::vector<SimulationImage> images_of(const Simulation& simulation) {
   const std::vector<float>& brightness = simulation.beams.along.brightness;
   const SimulatedComponents& components = simulation.components;
   const double span = simulation.fit_to == Normalisation::kNone ? 0.0 : 3.0;
+  const SimulationOptions& options = simulation.options;
+  const bool is_signed =
+      options.signed_reflection && options.log_compression == LogCompression::kReflection;
+  const auto [mapped_black, mapped_white] = range_of_mapped_ct(simulation);
   std::vector<SimulationImage> images{
       {"ultrasound", "A ultrasound", brightness, 0.0, 255.0},
       {"ct", "B CT along the beams", components.ct_hu, -160.0, 340.0},
-      {"reflection", "C reflection r", components.reflection, 0.0, 1.0},
+      {"reflection", "C reflection r", components.reflection, is_signed ? -1.0 : 0.0, 1.0},
       {"intensity", "D intensity I", components.intensity, 0.0, 1.0},
-      {"mapped_ct", "mapped CT p", components.mapped_ct, 0.0, 255.0}};
+      {"mapped_ct", "mapped CT p", components.mapped_ct, mapped_black, mapped_white}};
   if (simulation.simulated.has_fit())
     images.push_back({"simulated", "E simulated ultrasound", simulation.simulated.brightness,
                       span > 0.0 ? -span : 0.0, span > 0.0 ? span : 255.0});

@@ -15,11 +15,12 @@ struct Simulation {
   const ConditionedUltrasound& conditioned;
   const SimulatedComponents& components;
   const SimulatedUltrasound& simulated;
+  const SimulationOptions& options;
   /// The normalisation of the ultrasound to which `simulated` was fitted.
   Normalisation fit_to;
 };
 
-/// Writes into `folder`, which must exist: each intermediate image, flags and exclusions as the
+/// Writes into `folder`, which must exist: the images, flags and exclusions as the
 /// ultrasound is stored (NRRD); the pictures `frame.png` (only for ultrasound with a probe's
 /// geometry) and `frame_beams.png` of one frame, with `pixel_mm` per pixel; and `simulation.json`.
 void write_simulation(const Simulation& simulation, int frame, double pixel_mm,

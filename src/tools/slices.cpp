@@ -8,6 +8,7 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "progress_bar.h"
 #include "ultrasound_options.h"
 #include "us_ct_registration/error.h"
@@ -80,10 +81,11 @@ Pose pose_of(const SlicesOptions& options) {
 }
 
 int run_slices(const SlicesOptions& options) {
+  require_rising("--window", options.window_hu);
   const Pose pose = pose_of(options);
-  const ScanConverted us = in_space(
-      read_ultrasound_with_warnings(options.ultrasound.source(options.us)), options.pixel_mm,
-      options.ultrasound.compounding(), progress_bar("scan conversion", options.quiet));
+  const Ultrasound read = read_ultrasound_with_warnings(options.ultrasound.source(options.us));
+  const ScanConverted us = in_space(read, options.pixel_mm, options.ultrasound.compounding(read),
+                                    progress_bar("scan conversion", options.quiet));
   const CtVolume ct = read_ct_with_warnings(options.ct);
   std::vector<Eigen::Vector3d> points_us_mm;
   if (!options.points.empty()) points_us_mm = read_points_mm(options.points);
@@ -137,6 +139,7 @@ void add_slices_command(CLI::App& app, Run& run) {
       ->expected(2)
       ->capture_default_str();
   options->ultrasound.add_to(*command);
+  options->ultrasound.add_compounding_to(*command);
   command->add_flag("--quiet", options->quiet, "no progress bar");
   command->callback([options, &run] { run = [options] { return run_slices(*options); }; });
 }

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "inputs.h"
+#include "option_checks.h"
 #include "us_ct_registration/io/formats.h"
 
 namespace usct::tools {
@@ -48,12 +49,16 @@ CLI::Option* add_option(CLI::App& group, const UltrasoundOption& option, T& valu
 
 }  // namespace
 
-void UltrasoundOptions::add_to(CLI::App& command) {
+CLI::App* UltrasoundOptions::add_to(CLI::App& command) {
   CLI::App* formats = command.add_option_group("What a format of ultrasound leaves open");
   for (const UltrasoundOption& option : ultrasound_options())
     std::visit([&](const auto field) { add_option(*formats, option, source_.*field); },
                option.field);
+  return formats;
+}
 
+void UltrasoundOptions::add_compounding_to(CLI::App& command) {
+  compounding_command_ = &command;
   CLI::App* tracked = command.add_option_group("Compounding of tracked frames");
   tracked
       ->add_option("--slice-thickness", compounding_.slice_thickness_mm,
@@ -68,6 +73,19 @@ void UltrasoundOptions::add_to(CLI::App& command) {
           std::map<std::string, Compounding>{{"mean", Compounding::kMean},
                                              {"maximum", Compounding::kMaximum},
                                              {"latest", Compounding::kLatest}}));
+}
+
+const CompoundOptions& UltrasoundOptions::compounding(const Ultrasound& ultrasound) const {
+  const auto* beams = std::get_if<PreScanVolume>(&ultrasound);
+  const bool tracked = beams != nullptr ? !beams->geometry.is_motorised()
+                                        : std::holds_alternative<TrackedImages>(ultrasound);
+  if (!tracked) require_no_compounding("the ultrasound has tracked frames");
+  return compounding_;
+}
+
+void UltrasoundOptions::require_no_compounding(const std::string& condition) const {
+  require_left_out(*compounding_command_, {"--slice-thickness", "--hole-fill", "--compounding"},
+                   condition);
 }
 
 UltrasoundSource UltrasoundOptions::source(const std::string& path) const {

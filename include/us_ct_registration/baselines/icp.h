@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <string>
 #include <vector>
 
 namespace usct {
@@ -63,9 +64,12 @@ struct IcpResult {
 /// point of the ultrasound is paired with the nearest of the CT, whose normal its neighbours give.
 ///
 /// Throws InputError if the options are out of range, a surface has fewer than 20 points or lies on
-/// a line, or fewer than 20 pairs are within the largest distance: the surfaces do not overlap.
+/// a line, or fewer than 20 pairs are within the largest distance: the surfaces do not overlap. The
+/// names are those of the surfaces in its message, such as their files.
 IcpResult icp(const std::vector<Eigen::Vector3d>& surface_us_mm,
               const std::vector<Eigen::Vector3d>& surface_ct_mm,
-              const Eigen::Isometry3d& start_T_us_ct, const IcpOptions& options = {});
+              const Eigen::Isometry3d& start_T_us_ct, const IcpOptions& options = {},
+              const std::string& us_name = "ultrasound surface",
+              const std::string& ct_name = "CT surface");
 
 }  // namespace usct

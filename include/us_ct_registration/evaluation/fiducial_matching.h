@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -35,10 +36,10 @@ struct FiducialMatching {
 ///
 /// Throws InputError if the smaller set has fewer than 3 points or more than 8, the larger more
 /// than 40, a point is not finite or the smaller set lies on a line, `fle_mm` is not above 0, or no
-/// pairing fits.
+/// pairing fits. Its message begins with `source`.
 FiducialMatching match_fiducials(const std::vector<Eigen::Vector3d>& fiducials_us_mm,
-                                 const std::vector<Eigen::Vector3d>& fiducials_ct_mm,
-                                 double fle_mm);
+                                 const std::vector<Eigen::Vector3d>& fiducials_ct_mm, double fle_mm,
+                                 const std::string& source = "fiducials to match");
 
 /// The points of the pairs: ultrasound, CT.
 std::pair<std::vector<Eigen::Vector3d>, std::vector<Eigen::Vector3d>> matched_points(

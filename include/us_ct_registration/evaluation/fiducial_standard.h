@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <optional>
+#include <string>
 #include <vector>
 
 /// The gold standard of alignment from fiducials that both images show (thesis 3.1.4), and how
@@ -41,8 +42,11 @@ struct FiducialStandard {
   Eigen::Vector3d distances_mm = Eigen::Vector3d::Zero();
 };
 
-/// Aligns matched fiducials by Horn's method (registration/landmarks.h, where the errors are).
+/// Aligns matched fiducials by Horn's method (registration/landmarks.h, where the errors and the
+/// names are).
 FiducialStandard fiducial_standard(const std::vector<Eigen::Vector3d>& fiducials_us_mm,
-                                   const std::vector<Eigen::Vector3d>& fiducials_ct_mm);
+                                   const std::vector<Eigen::Vector3d>& fiducials_ct_mm,
+                                   const std::string& us_name = "fiducials of the ultrasound",
+                                   const std::string& ct_name = "fiducials of the CT");
 
 }  // namespace usct

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <string>
 #include <vector>
 
 /// The bronze standard of alignment from the surface of the kidney in both images (thesis 3.2.3),
@@ -35,14 +36,19 @@ struct SurfaceStandard {
 
 /// Aligns the centroids and principal axes of two surfaces, given by points spread evenly over each
 /// (the vertices of a segmentation). Throws InputError, naming the surface, if it has fewer than 10
-/// points, a point is not finite, or the points lie on a line.
+/// points, a point is not finite, or the points lie on a line. The names are those of the surfaces
+/// in its message, such as their files.
 SurfaceStandard surface_standard(const std::vector<Eigen::Vector3d>& surface_us_mm,
-                                 const std::vector<Eigen::Vector3d>& surface_ct_mm);
+                                 const std::vector<Eigen::Vector3d>& surface_ct_mm,
+                                 const std::string& us_name = "ultrasound surface",
+                                 const std::string& ct_name = "CT surface");
 
 /// The 24 poses T_us_ct that bring the centroids and the principal axes together, in any order and
 /// direction of the axes: those of a part of a surface have another order than those of the whole.
 /// Throws as `surface_standard`.
 std::vector<Eigen::Isometry3d> axis_alignments(const std::vector<Eigen::Vector3d>& surface_us_mm,
-                                               const std::vector<Eigen::Vector3d>& surface_ct_mm);
+                                               const std::vector<Eigen::Vector3d>& surface_ct_mm,
+                                               const std::string& us_name = "ultrasound surface",
+                                               const std::string& ct_name = "CT surface");
 
 }  // namespace usct

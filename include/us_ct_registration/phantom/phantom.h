@@ -82,7 +82,7 @@ struct FromCtOptions {
 
 struct PhantomOptions {
   SceneKind scene = SceneKind::kAgar;
-  std::uint64_t seed = 1;
+  std::uint32_t seed = 1;
   AnatomyOptions anatomy;
   CtOptions ct;
   SweepOptions sweep;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <string>
 #include <vector>
 
 namespace usct {
@@ -18,8 +19,11 @@ struct LandmarkAlignment {
 ///
 /// Throws InputError if the numbers of points differ or are below 3, a point is not finite, or
 /// either set is so close to a line (its spread across the line is below 5 % of the spread along
-/// it) that the rotation about the line is undetermined.
+/// it) that the rotation about the line is undetermined. The names are those of the sets in its
+/// message, such as their files.
 LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_target_mm,
-                                  const std::vector<Eigen::Vector3d>& points_source_mm);
+                                  const std::vector<Eigen::Vector3d>& points_source_mm,
+                                  const std::string& target_name = "target landmarks",
+                                  const std::string& source_name = "source landmarks");
 
 }  // namespace usct

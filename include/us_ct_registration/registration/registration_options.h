@@ -57,7 +57,8 @@ struct SearchOptions {
   int rounds = 8;
   /// Optima closer than this (mean displacement of the field of view) count as one, mm.
   double distinct_mm = 4.0;
-  /// Number of distinct optima that are kept at the end; >= 1.
+  /// Number of distinct optima that a round keeps; >= 1. Poses to which the refinement or blocks of
+  /// the field lead from these are added to the result.
   int most_optima = 16;
   /// The part of the CT that the search uses is the field of view at the initial pose, grown by the
   /// translations of the starts, by their rotations times the field's radius, and by this margin,

@@ -48,8 +48,8 @@ struct RegistrationResult {
   /// with w the rotation vector in rad and t in mm. The motion turns about the origin of the US
   /// frame, whatever centre the search used.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
-  /// Distinct optima, best first: the kidney is nearly symmetric, so a second pose may score almost
-  /// as well.
+  /// Distinct optima: the pose that was judged, then the others, best first. The kidney is nearly
+  /// symmetric, so a second pose may score almost as well.
   std::vector<RegistrationCandidate> candidates;
   /// The measures that the gates judged, and the errors that the refinement estimated.
   Measures measures;

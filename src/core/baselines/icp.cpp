@@ -199,10 +199,11 @@ bool IcpResult::undetermined() const {
 }
 
 IcpResult icp(const Points& surface_us_mm, const Points& surface_ct_mm,
-              const Isometry3d& start_T_us_ct, const IcpOptions& options) {
+              const Isometry3d& start_T_us_ct, const IcpOptions& options,
+              const std::string& us_name, const std::string& ct_name) {
   options.validate();
-  require_surface(surface_us_mm, "ultrasound surface");
-  require_surface(surface_ct_mm, "CT surface");
+  require_surface(surface_us_mm, us_name);
+  require_surface(surface_ct_mm, ct_name);
   const NearestPoints nearest(surface_ct_mm);
   const Normals ct = estimate_normals(surface_ct_mm, nearest);
   IcpResult result;

@@ -97,8 +97,7 @@ class MatchSearch {
 }  // namespace
 
 FiducialMatching match_fiducials(const Points& fiducials_us_mm, const Points& fiducials_ct_mm,
-                                 double fle_mm) {
-  const std::string source = "fiducials to match";
+                                 double fle_mm, const std::string& source) {
   if (!(fle_mm > 0.0) || !std::isfinite(fle_mm))
     throw InputError(source, formatted("localization error is %g mm, must be above 0", fle_mm));
   const bool us_has_fewer = fiducials_us_mm.size() <= fiducials_ct_mm.size();

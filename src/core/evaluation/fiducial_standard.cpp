@@ -29,8 +29,10 @@ std::optional<double> left_out_mm(const Points& us_mm, const Points& ct_mm, std:
 
 }  // namespace
 
-FiducialStandard fiducial_standard(const Points& fiducials_us_mm, const Points& fiducials_ct_mm) {
-  const LandmarkAlignment alignment = align_landmarks(fiducials_us_mm, fiducials_ct_mm);
+FiducialStandard fiducial_standard(const Points& fiducials_us_mm, const Points& fiducials_ct_mm,
+                                   const std::string& us_name, const std::string& ct_name) {
+  const LandmarkAlignment alignment =
+      align_landmarks(fiducials_us_mm, fiducials_ct_mm, us_name, ct_name);
   const auto count = static_cast<double>(fiducials_us_mm.size());
   FiducialStandard standard;
   standard.T_us_ct = alignment.T_target_source;

@@ -65,9 +65,10 @@ double SurfaceStandard::roundness_ratio() const {
   return std::min(least_ratio(deviations_us_mm), least_ratio(deviations_ct_mm));
 }
 
-SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surface_ct_mm) {
-  const registration::Spread us = checked_spread(surface_us_mm, "ultrasound surface");
-  const registration::Spread ct = checked_spread(surface_ct_mm, "CT surface");
+SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surface_ct_mm,
+                                 const std::string& us_name, const std::string& ct_name) {
+  const registration::Spread us = checked_spread(surface_us_mm, us_name);
+  const registration::Spread ct = checked_spread(surface_ct_mm, ct_name);
   const NearestPoints nearest_us(surface_us_mm);
   const NearestPoints nearest_ct(surface_ct_mm);
   const Matrix3d axes_us = axes_of(us);
@@ -89,9 +90,10 @@ SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surf
   return standard;
 }
 
-std::vector<Isometry3d> axis_alignments(const Points& surface_us_mm, const Points& surface_ct_mm) {
-  const registration::Spread us = checked_spread(surface_us_mm, "ultrasound surface");
-  const registration::Spread ct = checked_spread(surface_ct_mm, "CT surface");
+std::vector<Isometry3d> axis_alignments(const Points& surface_us_mm, const Points& surface_ct_mm,
+                                        const std::string& us_name, const std::string& ct_name) {
+  const registration::Spread us = checked_spread(surface_us_mm, us_name);
+  const registration::Spread ct = checked_spread(surface_ct_mm, ct_name);
   const Matrix3d axes_us = axes_of(us);
   const Matrix3d axes_ct = axes_of(ct);
   std::vector<Isometry3d> alignments;

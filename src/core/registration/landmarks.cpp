@@ -1,7 +1,6 @@
 #include "us_ct_registration/registration/landmarks.h"
 
 #include <cmath>
-#include <string>
 
 #include "registration/spread.h"
 #include "us_ct_registration/error.h"
@@ -21,13 +20,14 @@ Eigen::Matrix3Xd as_columns(const std::vector<Eigen::Vector3d>& points) {
 }  // namespace
 
 LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_target_mm,
-                                  const std::vector<Eigen::Vector3d>& points_source_mm) {
+                                  const std::vector<Eigen::Vector3d>& points_source_mm,
+                                  const std::string& target_name, const std::string& source_name) {
   if (points_target_mm.size() != points_source_mm.size())
-    throw InputError("landmarks", std::to_string(points_target_mm.size()) + " target and " +
-                                      std::to_string(points_source_mm.size()) +
-                                      " source points, must be as many");
-  registration::spread_of(points_target_mm, kLeastTriangleRatio, "target landmarks");
-  registration::spread_of(points_source_mm, kLeastTriangleRatio, "source landmarks");
+    throw InputError(target_name, "has " + std::to_string(points_target_mm.size()) +
+                                      " points, must have as many as " + source_name + ", " +
+                                      std::to_string(points_source_mm.size()));
+  registration::spread_of(points_target_mm, kLeastTriangleRatio, target_name);
+  registration::spread_of(points_source_mm, kLeastTriangleRatio, source_name);
 
   const Eigen::Matrix3Xd target = as_columns(points_target_mm);
   const Eigen::Matrix3Xd source = as_columns(points_source_mm);

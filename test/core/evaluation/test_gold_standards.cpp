@@ -116,7 +116,8 @@ TEST(SurfaceStandard, AxesAreBroughtTogetherInEveryOrderAndDirection) {
 }
 
 TEST(GoldStandards, BadPointsAreNamed) {
-  expect_input_error([] { fiducial_standard(kFiducialsCt, Points(4)); }, {"landmarks", "5 target"});
+  expect_input_error([] { fiducial_standard(kFiducialsCt, Points(4), "us.csv", "ct.csv"); },
+                     {"us.csv: has 5 points", "as many as ct.csv, 4"});
   expect_input_error(
       [] {
         surface_standard(Points(9), ellipsoid({9, 8, 7}, 50));

@@ -136,5 +136,24 @@ TEST(Propello, WritesTheSameBytes) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+/// Scanners truncate the angle, and so must the writer: rounded, 0.7317 degrees would be 732.
+TEST(Propello, AWrittenSweepIsReadBackAtItsAngles) {
+  const TemporaryFolder folder;
+  const PreScanVolume volume = to_prescan(read_propello_file({}), probe(), 0, false, "sweeps.vol");
+  write_propello_beams(volume, folder.path() / "out.vol");
+  const PropelloVolumes written = read_propello(folder.path() / "out.vol");
+  EXPECT_EQ(written.header.degPerFr, 731);
+  ProbeConfig four = probe();
+  four.motor->steps_per_frame = 4;
+  for (const ProbeConfig& config : {probe(), four}) {
+    const PreScanVolume back = to_prescan(written, config, 0, false, "out.vol");
+    const auto angles_rad = [](const PreScanVolume& one) {
+      return std::get<MotorSweep>(one.geometry.motion).frame_angles_rad;
+    };
+    EXPECT_EQ(angles_rad(back), angles_rad(volume));
+    EXPECT_EQ(back.voxels, volume.voxels);
+  }
+}
+
 }  // namespace
 }  // namespace usct

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -152,6 +153,53 @@ TEST(PhantomCommand, RefusesBeforeItWorks) {
     EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
   }
   EXPECT_TRUE(names_in(folder.path()).empty());
+}
+
+/// A knob that changes nothing leaves a user with a case that is not what was asked for.
+TEST(PhantomCommand, RefusesKnobsOfOtherScenesAndSweepsAndLabelsGivenTwice) {
+  const TemporaryFolder folder;
+  const std::string target = (folder.path() / "case").string();
+  const std::vector<std::string> from_ct{"--scene", "from-ct", "--ct", "x.nrrd"};
+  const auto refused = [&](std::vector<std::string> arguments, const std::vector<std::string>& more,
+                           const std::string& named) {
+    arguments.insert(arguments.begin(), {"phantom", "--output", target});
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto outcome = usct::test::run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2) << named;
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  };
+  refused({"--scene", "patient"}, {"--ball-diameter", "2"},
+          "--ball-diameter: is given, must be left out unless --scene is agar");
+  for (const char* lesion : {"--no-tumour", "--no-cyst", "--no-stone"}) {
+    refused({"--scene", "agar"}, {lesion}, std::string(lesion) + ": is given");
+    refused(from_ct, {lesion}, "unless --scene is patient");
+  }
+  refused(from_ct, {"--ct-size", "9", "9", "9"}, "--ct-size: is given");
+  refused(from_ct, {"--ct-spacing", "1", "1", "1"}, "--ct-spacing: is given");
+  refused(from_ct, {"--ct-noise", "5"}, "unless --scene is agar or patient");
+  refused({"--frame-rate", "30"}, {}, "--frame-rate: is given");
+  refused({"--sweep-length", "90"}, {}, "unless --sweep is tracked");
+  refused({"--sweep", "tracked-linear"}, {"--lateral-fov", "40"}, "--lateral-fov: is given");
+  refused(from_ct, {"--label", "1=cortex", "--label", "1=liver"}, "--label: names 1 twice");
+  for (const char* seed : {"-1", "4294967296", "99999999999999999999999"})
+    refused({"--seed", seed}, {}, "--seed");
+  EXPECT_TRUE(names_in(folder.path()).empty());
+}
+
+TEST(PhantomCommand, TheEndoscopesCameraHasWhatRosReads) {
+  const TemporaryFolder folder;
+  const fs::path target = folder.path() / "case";
+  const auto outcome = run_phantom({"--scene", "patient", "--endoscope", "--endoscope-frames", "1",
+                                    "--endoscope-size", "64", "64", "--output", target.string()});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  const YAML::Node camera = YAML::LoadFile((target / "endoscope" / "camera.yaml").string());
+  const auto numbers = [&](const char* key) {
+    return camera[key]["data"].as<std::vector<double>>();
+  };
+  const std::vector<double> K = numbers("camera_matrix");
+  EXPECT_EQ(numbers("rectification_matrix"), (std::vector<double>{1, 0, 0, 0, 1, 0, 0, 0, 1}));
+  EXPECT_EQ(numbers("projection_matrix"),
+            (std::vector<double>{K[0], 0, K[2], 0, 0, K[4], K[5], 0, 0, 0, 1, 0}));
 }
 
 }  // namespace

@@ -74,7 +74,8 @@ TEST(Landmarks, BadOnesAreNamed) {
                                  const std::vector<std::string>& named) {
     expect_input_error([&] { align_landmarks(target, source); }, named);
   };
-  expect_refused(good, {good[0], good[1]}, {"3 target", "2 source"});
+  expect_refused(good, {good[0], good[1]},
+                 {"target landmarks: has 3 points", "as many as source landmarks, 2"});
   expect_refused({}, {}, {"0 points", "3"});
   expect_refused({good[0], good[1]}, {good[0], good[1]}, {"2 points", "3"});
   const Points line = {{0, 0, 0}, {10, 0, 0}, {40, 0.2, 0}};

@@ -38,6 +38,18 @@ class SimulateCommand : public testing::Test {
   bool in_ball(const Eigen::Vector3d& p_us) const {
     return (T_us_ct_.inverse() * p_us).norm() < kRadiusMm;
   }
+  /// Depths at which a beam enters the ball and leaves it.
+  std::pair<double, double> surfaces_mm(int line, int frame) const {
+    const BeamGrid beams = beam_grid(us_.geometry);
+    int first = -1;
+    int last = -1;
+    for (int s = 0; s < beams.samples(); ++s)
+      if (in_ball(beams.point(frame, line, s))) {
+        if (first < 0) first = s;
+        last = s;
+      }
+    return {1.2 * first, 1.2 * last};
+  }
   std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
   Outcome simulate(std::vector<std::string> more) const {
     std::vector<std::string> arguments{"simulate",      "--ct",     path("ct.nrrd"), "--us",
@@ -78,6 +90,36 @@ TEST_F(SimulateCommand, ExplainsTheUltrasoundAtTheTruthAndWritesEveryImage) {
   EXPECT_TRUE(std::filesystem::exists(path("out/frame.png")));
   EXPECT_TRUE(std::filesystem::exists(path("out/frame_beams.png")));
   EXPECT_NE(outcome.output.find("LC2"), std::string::npos);
+}
+
+/// The bytes and simulation.json give the values back: half a step of 255 is what rounding loses.
+TEST_F(SimulateCommand, SignedAndUnlimitedValuesAreKept) {
+  const auto value = [&](const std::string& name, int sample) {
+    const nlohmann::json range = summary()["images"][name];
+    const double black = range["black"];
+    const double white = range["white"];
+    const int grey = read_prescan_nrrd(path("out/" + name + ".nrrd")).at(sample, 16, 10);
+    return black + (white - black) * grey / 255.0;
+  };
+  // The samples of the middle beam at the ball's near and far surface, in it, and before it.
+  const auto at = [](double depth_mm) { return static_cast<int>(std::lround(depth_mm / 1.2)); };
+  ASSERT_EQ(
+      simulate({"--transform", path("truth.tfm"), "--signed", "--no-clamp", "--no-auto-depth"})
+          .exit_status,
+      0);
+  EXPECT_EQ(summary()["images"]["reflection"]["black"], -1.0);
+  const auto extreme = [&](double depth_mm, double sign) {
+    double most = -1.0;
+    for (int s = at(depth_mm) - 4; s <= at(depth_mm) + 4; ++s)
+      most = std::max(most, sign * value("reflection", s));
+    return most;
+  };
+  const auto [first, last] = surfaces_mm(16, 10);
+  EXPECT_GT(extreme(first, 1.0), 0.1);  // mu rises into the ball,
+  EXPECT_GT(extreme(last, -1.0), 0.1);  // and falls behind it
+  // mu is 1000 around the ball and 1150 in it.
+  EXPECT_NEAR(value("mapped_ct", at(first) - 5), 1.36 * 1000.0 - 1429.0, 1.0);
+  EXPECT_NEAR(value("mapped_ct", at(0.5 * (first + last))), 1.36 * 1150.0 - 1429.0, 1.0);
 }
 
 TEST_F(SimulateCommand, AWrongPoseExplainsLess) {
@@ -132,6 +174,7 @@ TEST_F(SimulateCommand, BadArgumentsAreNamed) {
     EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
   };
   expect_refused({"--frame", "21"}, "--frame");
+  expect_refused({"--frame", "-1"}, "--frame: is -1, must be >= 0");
   expect_refused({"--log-compression", "both"}, "--log-compression");
   expect_refused({"--gradient-length", "0"}, "gradient_length_mm");
   expect_refused({"--depth", "40", "20"}, "depth.min_mm");

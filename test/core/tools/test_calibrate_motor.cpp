@@ -67,6 +67,12 @@ TEST(CalibrateMotor, RefusesWithStatusTwoAndWritesNothing) {
   };
   EXPECT_NE(refused("27", "4dc7-3_40.yaml").find("below their true distance"), std::string::npos);
   EXPECT_NE(refused("25", "l9-4_38.yaml").find("must be motorised"), std::string::npos);
+  const Outcome no_frames = run_usct({"calibrate-motor", "--wire-distances", wires,
+                                      "--true-distance-mm", "25", "--frames", "0", "--probe",
+                                      probe_yaml("4dc7-3_40.yaml"), "--output", output.string()});
+  EXPECT_EQ(no_frames.exit_status, 2);
+  EXPECT_NE(no_frames.errors.find("--frames: is 0, must be >= 2"), std::string::npos)
+      << no_frames.errors;
 }
 
 }  // namespace

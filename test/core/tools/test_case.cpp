@@ -158,6 +158,19 @@ TEST_F(CaseOfCloseLandmarks, AWrongPointIsWarnedOf) {
       << warning;
 }
 
+TEST_F(Case, ACartesianVolumeIsToldOfWhatItCanUse) {
+  ASSERT_EQ(run_usct({"convert", path("phantom/us.nrrd"), path("space.nrrd"), "--scan-convert", "3",
+                      "--quiet"})
+                .exit_status,
+            0);
+  const Outcome outcome =
+      run_usct({"case", "--ct", path("phantom/ct.nrrd"), "--us", path("space.nrrd"), "--landmarks",
+                path("ct.csv"), path("us.csv"), "--output", path("refused")});
+  EXPECT_EQ(outcome.exit_status, 2);
+  EXPECT_NE(outcome.errors.find("is a Cartesian volume"), std::string::npos) << outcome.errors;
+  EXPECT_EQ(outcome.errors.find("--probe"), std::string::npos) << outcome.errors;
+}
+
 TEST_F(Case, PointsOfOtherAxesAreRefused) {
   // Far outside, as points with other signs of the axes are.
   std::vector<Eigen::Vector3d> points = read_points_mm(path("ct.csv"));
@@ -168,6 +181,11 @@ TEST_F(Case, PointsOfOtherAxesAreRefused) {
   expect_refused({"--landmarks", path("ct.csv"), path("shifted.csv")},
                  {"shifted.csv", "point 1 is (", "must lie in the ultrasound"});
   expect_refused({}, {"--landmarks", "or --truth must be given"});
+  std::vector<Eigen::Vector3d> fewer = read_points_mm(path("ct.csv"));
+  fewer.pop_back();
+  write_points_mm(fewer, path("fewer.csv"));
+  expect_refused({"--landmarks", path("fewer.csv"), path("us.csv")},
+                 {path("us.csv") + ": has ", "must have as many as " + path("fewer.csv")});
 }
 
 }  // namespace

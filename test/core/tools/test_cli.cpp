@@ -288,6 +288,86 @@ TEST_F(Cli, NumbersThatAreNotFiniteAreRefused) {
   EXPECT_FALSE(std::filesystem::exists(path("out.nrrd")));
 }
 
+/// Options of compounding are for tracked frames of which a volume is made.
+TEST_F(Cli, OptionsOfCompoundingWithoutUseAreRefused) {
+  write_volume(CtVolume(test::example_grids().front().grid), path("ct.nrrd"));
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  const std::string left_out = "--hole-fill: is given, must be left out unless ";
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& condition) {
+    arguments.insert(arguments.end(), {"--hole-fill", "2", "--quiet"});
+    expect_refused(arguments, left_out + condition);
+    EXPECT_FALSE(std::filesystem::exists(path("out.nrrd")));
+  };
+  const std::string us = path("us.nrrd");
+  refused({"convert", us, path("out.nrrd")}, "--scan-convert is given");
+  refused({"convert", path("ct.nrrd"), path("out.nrrd")}, "--scan-convert is given");
+  refused({"convert", us, path("out.nrrd"), "--scan-convert", "2"},
+          "the ultrasound has tracked frames");
+  refused({"slices", "--us", us, "--ct", path("ct.nrrd"), "--output", path("out.png")},
+          "the ultrasound has tracked frames");
+  refused({"simulate", "--us", us, "--ct", path("ct.nrrd"), "--output", path("out")},
+          "--parallel-beams is given");
+  const std::vector<std::string> registration{"register", "--us",          us,
+                                              "--ct",     path("ct.nrrd"), "--preset",
+                                              "global",   "--output",      path("out.json")};
+  refused(registration, "--pictures or --parallel-beams is given");
+  // Subcommands that make no volume do not have them.
+  expect_refused({"lag", us, "--hole-fill", "2"}, "--hole-fill");
+}
+
+/// The first of two files must not be written if the second cannot be.
+TEST_F(Cli, AMaskThatCannotBeWrittenIsRefusedFirst) {
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  for (const char* mask : {"mask.foo", "mask.nhdr", "absent/mask.nrrd"}) {
+    expect_refused({"convert", path("us.nrrd"), path("out.nrrd"), "--scan-convert", "2", "--mask",
+                    path(mask), "--quiet"},
+                   "--mask: is '" + path(mask));
+    EXPECT_FALSE(std::filesystem::exists(path("out.nrrd")));
+  }
+}
+
+TEST_F(Cli, AWindowMustRise) {
+  write_volume(CtVolume(test::example_grids().front().grid), path("ct.nrrd"));
+  write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
+  const std::vector<std::string> images{"--us", path("us.nrrd"), "--ct", path("ct.nrrd")};
+  for (const char* command : {"slices", "simulate"})
+    for (const auto& [low, high, named] :
+         {std::tuple("340", "-160", "--window: is 340 to -160, must rise"),
+          std::tuple("100", "100", "--window: is 100 to 100, must rise")}) {
+      std::vector<std::string> arguments{command};
+      arguments.insert(arguments.end(), images.begin(), images.end());
+      arguments.insert(arguments.end(), {"--output", path("out.png"), "--window", low, high});
+      expect_refused(arguments, named);
+      EXPECT_FALSE(std::filesystem::exists(path("out.png")));
+    }
+  expect_refused({"convert", path("ct.nrrd"), path("out.nrrd"), "--along-beams", path("us.nrrd"),
+                  "--window", "9", "0"},
+                 "--window: is 9 to 0, must rise");
+}
+
+/// The ranges of CLI11 would print the largest double in full.
+TEST_F(Cli, ANumberOutOfRangeIsRefusedInAFewWords) {
+  const std::vector<std::string> simulation{"simulate", "--ct",     "ct.nrrd",  "--us",
+                                            "us.nrrd",  "--output", path("out")};
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& named) {
+    const Outcome outcome = run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2) << named;
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+    EXPECT_LT(outcome.errors.size(), 200U) << outcome.errors;
+  };
+  std::vector<std::string> frame = simulation;
+  frame.insert(frame.end(), {"--frame", "-1"});
+  refused(frame, "--frame: is -1, must be >= 0");
+  refused({"study", "case", "--box-mm", "-1"}, "--box-mm: is -1, must be >= 0");
+  refused({"study", "case", "--box-deg", "400"}, "--box-deg: Value 400 not in range 0");
+  refused({"study", "case", "--parallel-beams", "0"}, "--parallel-beams");
+  refused({"study", "case", "--threads", "0"}, "--threads: Value 0 not in range 1 to 1024");
+  refused({"overlay", "--labels", "l.nrrd", "--camera", "c.yaml", "--pose", "p.tfm", "--output",
+           path("out.png"), "--triangles", "5"},
+          "--triangles: Value 5 not in range 1000");
+  refused({"presets", "--complete"}, "--complete requires name");
+}
+
 TEST_F(Cli, UltrasoundAlongTheBeamsIsWrittenInTheFormatOfItsEnding) {
   write_prescan_nrrd(smooth_acquisition(), path("us.nrrd"));
   run({"convert", path("us.nrrd"), path("a.nrrd"), "--scan-convert", "2", "--quiet"});

@@ -140,13 +140,39 @@ TEST_F(Gold, BallsOfACtAreWrittenAsPoints) {
   EXPECT_NE(both.errors.find("not both"), std::string::npos) << both.errors;
 }
 
+TEST_F(Gold, BallsRefuseTheOptionsOfTheOtherImage) {
+  const auto refused = [](std::vector<std::string> arguments, const std::string& named) {
+    arguments.insert(arguments.begin(), {"gold", "balls"});
+    const Outcome outcome = run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2);
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  };
+  refused({"ct.nrrd", "--echo-radius", "5"}, "--echo-radius requires --us");
+  refused({"ct.nrrd", "--least-contrast", "5"}, "--least-contrast requires --us");
+  refused({"ct.nrrd", "--probe", "absent.yaml"}, "--probe requires --us");
+  refused({"--us", "us.nrrd", "--least-hu", "1000"}, "--least-hu requires CT");
+  refused({"--us", "us.nrrd", "--series", "1"}, "--series requires CT");
+}
+
 TEST_F(Gold, BadInputIsRefusedAndNothingWritten) {
   const std::string three = points("three.csv", {{0, 0, 0}, {40, 0, 0}, {0, 30, 0}});
   const std::string two = points("two.csv", {{0, 0, 0}, {40, 0, 0}});
   const Outcome outcome = run_usct({"gold", "fiducials", three, two, "--output", path("no.tfm")});
   EXPECT_EQ(outcome.exit_status, 2);
-  EXPECT_NE(outcome.errors.find("3 target and 2 source points"), std::string::npos)
+  EXPECT_NE(outcome.errors.find(three + ": has 3 points, must have as many as " + two + ", 2"),
+            std::string::npos)
       << outcome.errors;
+  const auto named = [](const std::vector<std::string>& arguments, const std::string& text) {
+    const Outcome refused = run_usct(arguments);
+    EXPECT_EQ(refused.exit_status, 2);
+    EXPECT_NE(refused.errors.find(text), std::string::npos) << refused.errors;
+  };
+  named({"gold", "fiducials", two, three, "--match"}, two + ", " + three + ": 2 points");
+  const std::string surface = points("surface.csv", bumpy_ellipsoid(100));
+  named({"gold", "surfaces", surface, three}, three + ": 3 points, must be at least 10");
+  named({"gold", "icp", three, surface}, three + ": 3 points, must be at least 10");
+  write_volume(CtVolume(Grid{{20, 20, 20}, {0.5, 0.5, 0.5}}, 20), path("ct.nrrd"));
+  named({"gold", "balls", path("ct.nrrd")}, path("ct.nrrd") + ": no ball of 1 mm was found");
   EXPECT_EQ(run_usct({"gold"}).exit_status, 2);
   EXPECT_FALSE(std::filesystem::exists(path("no.tfm")));
 }

@@ -81,6 +81,14 @@ TEST_F(Overlay, ACameraThatLooksAwayIsWarnedOf) {
       << outcome.errors;
 }
 
+TEST_F(Overlay, APictureOfAnotherSizeIsNamed) {
+  cv::imwrite(path("black.png"), cv::Mat::zeros(100, 200, CV_8UC3));
+  const Outcome outcome = draw("labels.nrrd");
+  EXPECT_EQ(outcome.exit_status, 2);
+  EXPECT_NE(outcome.errors.find(path("black.png") + ": has 200 x 100 pixels"), std::string::npos)
+      << outcome.errors;
+}
+
 TEST_F(Overlay, AnEmptyLabelMapIsRefused) {
   const Outcome outcome = draw("empty.nrrd");
   EXPECT_EQ(outcome.exit_status, 2);

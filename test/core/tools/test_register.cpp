@@ -217,7 +217,7 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
   points_us.pop_back();
   write_points_mm(points_us, path("us.csv"));
   std::filesystem::remove(path("result.json"));
-  expect_refused({"--landmarks", path("ct.csv"), path("us.csv")}, "--landmarks");
+  expect_refused({"--landmarks", path("ct.csv"), path("us.csv")}, "us.csv: has 3 points");
 }
 
 /// With nothing left to search, the found pose is the initial pose itself.
@@ -316,6 +316,8 @@ TEST_F(Register, BadInputIsNamedAndNothingIsWritten) {
   expect_refused({"--initial", initial, "--pictures", path("absent/pictures")}, "--pictures");
   expect_refused({"--initial", initial, "--targets", path("absent.csv")}, "absent.csv");
   expect_refused({"--initial", initial, "--us-mask", case_file("ct.nrrd")}, "--us-mask");
+  expect_refused({"--initial", initial, "--beam-axis", "+x"},
+                 "--beam-axis: is given, must be left out unless");
   expect_refused({"--initial", initial, "--threads", "0"}, "--threads");
   expect_refused({"--initial", initial, "--seed", "-1"}, "--seed");
   std::ofstream(path("scaled.tfm"))
@@ -339,6 +341,34 @@ TEST_F(Register, BadInputIsNamedAndNothingIsWritten) {
   EXPECT_EQ(image.exit_status, 2) << image.errors;
   EXPECT_NE(image.errors.find("must end in .json"), std::string::npos) << image.errors;
   EXPECT_EQ(read_text(path("labels.nrrd")), "precious");
+}
+
+TEST_F(Register, LandmarksThatDoNotSufficeAreNamedByTheirFiles) {
+  write_points_mm({{0, 0, 0}, {40, 0, 0}, {0, 30, 0}}, path("three.csv"));
+  write_points_mm({{0, 0, 0}, {40, 0, 0}}, path("two.csv"));
+  write_points_mm({{0, 0, 0}, {40, 0, 0}, {80, 0, 0}}, path("line.csv"));
+  const auto refused = [&](const char* ct, const char* us, const std::string& named) {
+    const Outcome outcome = run({"--landmarks", path(ct), path(us)});
+    EXPECT_EQ(outcome.exit_status, 2);
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+  };
+  refused("three.csv", "two.csv",
+          path("two.csv") + ": has 2 points, must have as many as " + path("three.csv") + ", 3");
+  refused("two.csv", "two.csv", path("two.csv") + ": 2 points, must be at least 3");
+  refused("three.csv", "line.csv", path("line.csv") + ": points lie on a line");
+}
+
+TEST_F(Register, ACartesianVolumeHasItsBeamsAlready) {
+  const Outcome outcome =
+      run_usct({"convert", case_file("us.nrrd"), path("space.nrrd"), "--scan-convert", "2"});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  const Outcome refused =
+      run_usct({"register", "--ct", case_file("ct.nrrd"), "--us", path("space.nrrd"), "--initial",
+                path("initial.tfm"), "--parallel-beams", "2", "--output", path("result.json")});
+  EXPECT_EQ(refused.exit_status, 2);
+  EXPECT_NE(refused.errors.find("--parallel-beams: is given, must be left out unless"),
+            std::string::npos)
+      << refused.errors;
 }
 
 TEST(PresetsCommand, ListsAndPrints) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "io/ultrasound/recordable_sweep.h"
 #include "text.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -73,13 +74,6 @@ double spacing_mm(const ProbeSampling& sampling, const RecordedFrames& recorded,
          (2.0 * *frequency);  // the echo travels there and back
 }
 
-/// The angle in thousandths of a degree, truncated as the scanner does. The allowance absorbs
-/// rounding, such as that of 0.731 * 1000.
-int truncated_millidegrees(double angle_rad) {
-  constexpr double kAllowance = 1e-6;
-  return static_cast<int>(std::floor(1000.0 * degrees(angle_rad) + kAllowance));
-}
-
 [[noreturn]] void fail_pitch(int recorded, const std::string& expected, const std::string& source) {
   throw InputError(source, "angle between frames is " + std::to_string(recorded) +
                                " thousandths of a degree (truncated), must be " + expected);
@@ -91,7 +85,7 @@ double pitch_from_steps(const ProbeMotor& motor, const std::optional<int>& recor
   const double step = *motor.step_rad;
   if (motor.steps_per_frame) {
     const double pitch = *motor.steps_per_frame * step;
-    const int expected = truncated_millidegrees(pitch);
+    const int expected = io::truncated_millidegrees(pitch);
     if (recorded && *recorded != expected)
       fail_pitch(*recorded,
                  std::to_string(expected) + ": the probe's configuration has " +
@@ -106,7 +100,7 @@ double pitch_from_steps(const ProbeMotor& motor, const std::optional<int>& recor
   // The recorded value is truncated, so that the number of steps is this one or the next.
   const double lower = std::floor(*recorded / (1000.0 * degrees(step)));
   for (const double steps : {lower, lower + 1.0})
-    if (steps >= 1.0 && truncated_millidegrees(steps * step) == *recorded) return steps * step;
+    if (steps >= 1.0 && io::truncated_millidegrees(steps * step) == *recorded) return steps * step;
   fail_pitch(*recorded,
              "a whole number of motor steps of " + format_double(degrees(step)) + " degrees",
              source);

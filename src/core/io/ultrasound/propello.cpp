@@ -7,14 +7,8 @@
 #include "io/ultrasound/propello_format.h"
 #include "io/ultrasound/recordable_sweep.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/geometry/angles.h"
 
 namespace usct {
-namespace {
-
-constexpr double kMillidegrees = 1000.0 / kDegree;
-
-}  // namespace
 
 bool is_propello(const std::filesystem::path& path) {
   try {
@@ -75,8 +69,7 @@ void write_propello_beams(const PreScanVolume& volume, const std::filesystem::pa
   volumes.header.w = volume.geometry.lines();
   volumes.header.h = volume.geometry.samples();
   volumes.header.ss = 8;
-  volumes.header.degPerFr =
-      static_cast<std::int32_t>(std::lround(std::abs(pitch_rad) * kMillidegrees));
+  volumes.header.degPerFr = io::truncated_millidegrees(std::abs(pitch_rad));
   volumes.voxels = volume.voxels;
   write_propello(volumes, path);
 }

@@ -24,4 +24,9 @@ double recordable_pitch_rad(const PreScanVolume& volume, const std::filesystem::
   return pitch;
 }
 
+int truncated_millidegrees(double angle_rad) {
+  constexpr double kAllowance = 1e-6;  // for rounding, such as that of 0.731 * 1000
+  return static_cast<int>(std::floor(1000.0 * degrees(angle_rad) + kAllowance));
+}
+
 }  // namespace usct::io

@@ -10,4 +10,7 @@ namespace usct::io {
 /// Throws InputError, naming `path`, for a tracked sweep and for frames at uneven angles.
 double recordable_pitch_rad(const PreScanVolume& volume, const std::filesystem::path& path);
 
+/// The angle, >= 0, in thousandths of a degree, truncated as the scanner does (Propello).
+int truncated_millidegrees(double angle_rad);
+
 }  // namespace usct::io

@@ -5,6 +5,7 @@
 
 #include "registration/evidence/deformation.h"
 #include "registration/run.h"
+#include "registration/search/candidates.h"
 #include "us_ct_registration/similarity/similarity.h"
 
 namespace usct::registration {

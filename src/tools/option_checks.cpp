@@ -1,0 +1,49 @@
+#include "option_checks.h"
+
+#include <cmath>
+#include <cstdlib>
+
+#include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
+#include "us_ct_registration/io/atomic_file.h"
+
+namespace usct::tools {
+CLI::Validator at_least(double least) {
+  const std::string constraint = formatted(">= %g", least);
+  // Text that is no number is refused by CLI11 itself, which knows the type, and NaN by
+  // `run_program`.
+  const auto violation = [=](std::string& text) {
+    const double value = std::strtod(text.c_str(), nullptr);
+    return std::isnan(value) || value >= least ? "" : "is " + text + ", must be " + constraint;
+  };
+  return CLI::Validator(violation, constraint);
+}
+
+void all_need(CLI::Option* first, CLI::App& group) {
+  for (CLI::Option* option : group.get_options([&](CLI::Option* one) { return one != first; }))
+    option->needs(first);
+}
+
+void require_left_out(const CLI::App& command, std::initializer_list<const char*> options,
+                      const std::string& condition) {
+  for (const char* option : options)
+    if (command.count(option) > 0)
+      throw InputError(option, "is given, must be left out unless " + condition);
+}
+
+void require_rising(const std::string& option, const std::vector<double>& values) {
+  if (!(values[0] < values[1]))
+    throw InputError(option, formatted("is %g to %g, must rise", values[0], values[1]));
+}
+
+void require_place(const std::string& option, const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  if (!std::filesystem::is_directory(folder))
+    throw InputError(
+        option, "is '" + path.string() + "', but there is no folder '" + folder.string() + "'");
+  if (std::filesystem::is_directory(path))
+    throw InputError(option, "is '" + path.string() + "', which is a folder, must be a file");
+  require_writable(path);
+}
+
+}  // namespace usct::tools
