@@ -250,6 +250,10 @@ def main():
     parser.add_argument("--delay", type=float, default=900.0, help="s from the last ultrasound image to the video")
     parser.add_argument("--usct", default="usct", help="the program usct")
     options = parser.parse_args()
+    for name in ("us.nrrd", "truth.tfm", "endoscope/endoscope.json"):
+        if not (options.case / name).is_file():
+            parser.error(f"'{options.case / name}' does not exist: CASE must be made by usct phantom --endoscope "
+                         "--sweep tracked-curvilinear")
     options.output.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as options.scratch:
         write(options)

@@ -34,7 +34,12 @@ Bytes read_at_most(const fs::path& path, std::uintmax_t limit) {
   const std::uintmax_t size = fs::file_size(path, error);
   if (error) throw InputError(path.string(), "has no size: " + error.message());
   if (size == 0) throw InputError(path.string(), "is empty");
-  Bytes bytes(static_cast<std::size_t>(std::min(size, limit)));
+  Bytes bytes;
+  try {
+    bytes.resize(static_cast<std::size_t>(std::min(size, limit)));
+  } catch (const std::exception&) {
+    throw InputError(path.string(), "has " + std::to_string(size) + " bytes, too many for memory");
+  }
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   if (!file) throw InputError(path.string(), "could not be read to its end");
   return bytes;
@@ -44,6 +49,13 @@ Bytes read_at_most(const fs::path& path, std::uintmax_t limit) {
 
 Bytes read_bytes(const fs::path& path) {
   return read_at_most(path, std::numeric_limits<std::uintmax_t>::max());
+}
+
+Bytes read_text_bytes(const fs::path& path) {
+  constexpr std::size_t kMost = std::size_t{64} << 20;
+  Bytes bytes = read_at_most(path, kMost + 1);
+  if (bytes.size() > kMost) throw InputError(path.string(), "is larger than 64 MiB");
+  return bytes;
 }
 
 Bytes read_prefix(const fs::path& path, std::size_t count) { return read_at_most(path, count); }

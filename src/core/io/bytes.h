@@ -17,6 +17,10 @@ using Bytes = std::vector<std::uint8_t>;
 /// not readable, or empty.
 Bytes read_bytes(const std::filesystem::path& path);
 
+/// The content of a file that people write, such as YAML or a table. Throws as `read_bytes`, and if
+/// it is larger than 64 MiB: it is another file then, which would take all memory.
+Bytes read_text_bytes(const std::filesystem::path& path);
+
 /// The first bytes of a file, at most `count`. Throws as `read_bytes`.
 Bytes read_prefix(const std::filesystem::path& path, std::size_t count);
 

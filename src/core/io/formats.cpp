@@ -4,6 +4,7 @@
 #include <cctype>
 
 #include "io/bytes.h"
+#include "io/ultrasound/igsio_ultrasound.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/dicom/dicom.h"
 #include "us_ct_registration/io/results/points_io.h"

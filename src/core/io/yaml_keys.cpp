@@ -22,7 +22,7 @@ YAML::Node parse_yaml(const std::string& text, const std::string& source) {
 }
 
 YAML::Node read_yaml(const std::filesystem::path& path) {
-  const Bytes bytes = read_bytes(path);
+  const Bytes bytes = read_text_bytes(path);
   return parse_yaml(std::string(bytes.begin(), bytes.end()), path.string());
 }
 

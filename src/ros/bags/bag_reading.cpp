@@ -142,7 +142,11 @@ void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& 
     if (visitor.us) reader.visit_ultrasound(visitor);
     if (visitor.ct) reader.visit_ct(visitor);
   } catch (const rosbag::BagException& error) {
-    throw InputError(path.string(), error.what());
+    const bool is_there = std::filesystem::is_regular_file(path);
+    throw InputError(path.string(),
+                     error.what() + std::string(is_there ? "; a bag whose recording was broken off "
+                                                           "is repaired by 'rosbag reindex'"
+                                                         : ""));
   }
 }
 

@@ -12,6 +12,7 @@
 #include "ros/conversions/ultrasound.h"
 #include "tools/exit_status.h"
 #include "tools/inputs.h"
+#include "tools/option_checks.h"
 #include "tools/program.h"
 #include "tools/ros/bag_video.h"
 #include "tools/ros/read_endoscope.h"
@@ -275,7 +276,7 @@ void add_read(CLI::App& bag, Run& run) {
   sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd");
   sub->add_option("--ct", command->ct, "CT to write, .nrrd, .mha, .nii.gz");
   sub->add_option("--index", command->index, "which sweep (or CT) of the bag, from 0")
-      ->check(CLI::NonNegativeNumber)
+      ->check(at_least(0))
       ->capture_default_str();
   sub->callback([command, &run] { run = [command] { return run_read(*command); }; });
 }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 
 #include "core/io/bad_files.h"
 #include "us_ct_registration/io/results/points_io.h"
@@ -50,6 +51,15 @@ TEST(PointsIo, RefusesBrokenFiles) {
   // Each truncation spoils the only point, because its last number has one digit.
   test::expect_refuses_broken_files([](const auto& path) { read_points_mm(path); },
                                     test::to_bytes("x,y,z\n1,2,3"), ".csv");
+}
+
+/// A volume that was named in place of a table must not be read into memory.
+TEST(PointsIo, AFileThatIsTooLargeForATextIsRefused) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "points.csv";
+  std::ofstream(path) << "x,y,z\n";
+  std::filesystem::resize_file(path, (std::uintmax_t{64} << 20) + 1);
+  expect_input_error([&] { read_points_mm(path); }, {"points.csv", "larger than 64 MiB"});
 }
 
 TEST(PointsIo, WhatIsNotAPointIsNotWritten) {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "us_ct_registration/io/ultrasound/probe_config.h"
-#include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 
 /// Tracked sequences as the Plus toolkit (IGSIO) records them: `.igs.mha`, or `.igs.mhd` with a
@@ -120,15 +119,5 @@ OrientedImage oriented_frame(const IgsioSequence& sequence, int frame,
 /// InputError as `oriented_frame` and `tracked_geometry`, or if the lines are not contiguous.
 PreScanVolume to_prescan(const IgsioSequence& sequence, const ProbeConfig& probe,
                          const TrackedSweep& sweep, const std::string& source);
-
-/// Entries in the table of formats: see UltrasoundFormat and FileFormat::describe.
-///
-/// Frames before scan conversion need a probe and become a PreScanVolume. B-mode images become
-/// TrackedImages; or a PreScanVolume, resampled along the beams, if the probe, its place in the
-/// image and the number of samples are given (all of them or none). Writing throws InputError for a
-/// motorised sweep.
-UltrasoundInput read_igsio_ultrasound(const UltrasoundSource& source);
-void write_igsio_beams(const PreScanVolume& volume, const std::filesystem::path& path);
-std::string describe_igsio(const std::filesystem::path& path);
 
 }  // namespace usct

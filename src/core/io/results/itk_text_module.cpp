@@ -40,7 +40,7 @@ std::vector<StoredTransform> parse(std::string_view text, const std::string& sou
 
 LinearMap read(const std::filesystem::path& path) {
   const auto lock = lock_itk_transforms();
-  const Bytes bytes = read_bytes(path);
+  const Bytes bytes = read_text_bytes(path);
   return linear_map(parse(text_view(bytes), path.string()), path.string());
 }
 

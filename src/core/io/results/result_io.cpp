@@ -57,7 +57,7 @@ std::vector<RegistrationCandidate> read_candidates(const Json& list, const std::
 }
 
 Json read_json(const std::filesystem::path& path) {
-  const io::Bytes bytes = io::read_bytes(path);
+  const io::Bytes bytes = io::read_text_bytes(path);
   try {
     return io::parse_json<Json>(bytes, path.string());
   } catch (const Json::exception& error) {

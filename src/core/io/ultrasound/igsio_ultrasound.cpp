@@ -1,4 +1,6 @@
 // Conversion of a tracked sequence to ultrasound with poses in the US frame, and back.
+#include "io/ultrasound/igsio_ultrasound.h"
+
 #include <algorithm>
 #include <set>
 

@@ -25,8 +25,6 @@ class CalibrationReader {
     XML_SetUserData(parser_, this);
     XML_SetElementHandler(parser_, &CalibrationReader::start, &CalibrationReader::end);
     const auto* text = reinterpret_cast<const char*>(bytes.data());
-    constexpr std::size_t kLargest = std::size_t{1} << 26;  // expat counts in int
-    if (bytes.size() > kLargest) throw InputError(source_, "is larger than 64 MiB");
     const XML_Status status = XML_Parse(parser_, text, static_cast<int>(bytes.size()), XML_TRUE);
     if (!failure_.empty()) throw InputError(source_, failure_);
     if (status != XML_STATUS_OK)
@@ -83,7 +81,7 @@ class CalibrationReader {
 }  // namespace
 
 IgsioTransforms read_plus_calibration(const std::filesystem::path& path) {
-  return CalibrationReader(path.string()).read(io::read_bytes(path));
+  return CalibrationReader(path.string()).read(io::read_text_bytes(path));
 }
 
 }  // namespace usct

@@ -44,7 +44,7 @@ void read_line(std::string_view line, const std::string& where, const std::strin
 WireDistances read_wire_distances(const std::filesystem::path& path, double true_distance_mm,
                                   std::optional<int> frames) {
   const std::string source = path.string();
-  const io::Bytes bytes = io::read_bytes(path);
+  const io::Bytes bytes = io::read_text_bytes(path);
   const std::vector<std::string_view> lines =
       split({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, '\n');
   if (trimmed(lines[0]) != kHeader)
