@@ -1,47 +1,58 @@
 #include "ros/acquisitions.h"
 
+#include <algorithm>
+
 #include "ros/conversions/times.h"
 #include "ros/status.h"
 
 namespace usct::ros_interface {
 namespace {
 
-using us_ct_registration::Acquisition;
 using Status = us_ct_registration::StatusCode;
 
 /// No sweep takes longer: its recorder has gone.
-constexpr std::chrono::minutes kLongestSweep{5};
+constexpr std::chrono::minutes kLongestSweep{15};
 
 }  // namespace
 
+bool Acquisitions::has_arrived(const ::ros::Time& stamp) const {
+  return std::find(arrived_.begin(), arrived_.end(), stamp) != arrived_.end();
+}
+
 void Acquisitions::announced(const Acquisition& acquisition, Clock::time_point now) {
+  if (acquisition.id < newest_id_) return;  // a later one has begun meanwhile
+  newest_id_ = acquisition.id;
   newest_.reset();
-  // The volume, or one after it, may have been quicker.
-  if (acquisition.header.stamp <= last_arrived_) return;
+  // The volume may have been quicker.
+  if (acquisition.state == Acquisition::RECORDED && has_arrived(acquisition.header.stamp)) return;
   newest_ = acquisition;
   heard_ = now;
 }
 
 void Acquisitions::arrived(const ::ros::Time& stamp, Clock::time_point now) {
-  last_arrived_ = stamp;
-  if (!newest_) return;
+  constexpr std::size_t kRemembered = 16;
+  arrived_.push_back(stamp);
+  if (arrived_.size() > kRemembered) arrived_.pop_front();
+  if (!newest_ || newest_->state == Acquisition::RECORDING) return;
   const bool is_lost = newest_->state == Acquisition::RECORDED && now > heard_ + kPatience;
   if (newest_->header.stamp <= stamp || is_lost) newest_.reset();
 }
 
 void Acquisitions::forget() {
   newest_.reset();
-  last_arrived_ = ::ros::Time();
+  newest_id_ = 0;  // the sender's clock may have been set back as well
+  arrived_.clear();
 }
 
-std::optional<::ros::Time> Acquisitions::awaited(Clock::time_point now) const {
-  if (!newest_ || (newest_->state == Acquisition::RECORDING && now > heard_ + kLongestSweep))
-    return std::nullopt;
-  return newest_->header.stamp;
+std::optional<Acquisitions::Acquisition> Acquisitions::awaited(Clock::time_point now) const {
+  const bool is_dead =
+      newest_ && newest_->state == Acquisition::RECORDING && now > heard_ + kLongestSweep;
+  return is_dead ? std::nullopt : newest_;
 }
 
-bool Acquisitions::has_ended(const ::ros::Time& awaited) const {
-  return !newest_ || !(last_arrived_ < awaited);
+bool Acquisitions::has_ended(const Acquisition& awaited) const {
+  if (!newest_) return true;
+  return newest_->id != awaited.id && !(last_arrived() < awaited.header.stamp);
 }
 
 std::optional<Refusal> Acquisitions::refusal(Clock::time_point asked, Clock::time_point now) const {
@@ -52,7 +63,7 @@ std::optional<Refusal> Acquisitions::refusal(Clock::time_point asked, Clock::tim
     return Refusal(Status::NO_ULTRASOUND,
                    "the newest ultrasound was refused" + advice + ": " + newest_->reason);
   if (newest_->state == Acquisition::RECORDING) {
-    if (now < asked + kPatience) return std::nullopt;
+    if (now < asked + kPatienceWithSweep) return std::nullopt;
     return Refusal(Status::NO_ULTRASOUND,
                    "a sweep has been recorded since " + stamp + " s and has not ended" + advice);
   }

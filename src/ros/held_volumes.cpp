@@ -67,12 +67,6 @@ HeldVolumes::~HeldVolumes() {
   worker_.join();
 }
 
-bool is_older(const HeldUltrasound& us, const HeldCt& ct) {
-  if (us.epoch.number < ct.epoch.number) return true;
-  if (us.epoch.number == ct.epoch.number) return us.header.stamp < ct.header.stamp;
-  return us.header.stamp < std::min(ct.header.stamp, us.epoch.begin);
-}
-
 void HeldVolumes::set_time(const ::ros::Time& now) {
   if (ran_back(now, last_now_)) {
     epoch_ = {epoch_.number + 1, now};
@@ -269,7 +263,7 @@ void HeldVolumes::await_arrival(std::unique_lock<std::mutex>& lock, const ::ros:
 void HeldVolumes::await_announced(std::unique_lock<std::mutex>& lock,
                                   const std::function<bool()>& cancelled) {
   const Clock::time_point asked = Clock::now();
-  const std::optional<::ros::Time> awaited = acquisitions_.awaited(asked);
+  const std::optional<msg::Acquisition> awaited = acquisitions_.awaited(asked);
   if (!awaited) return;
   std::optional<Refusal> refusal;
   await(lock, cancelled, [&] {
@@ -288,7 +282,7 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
   await(lock, cancelled, [&] { return converted_ultrasound_ >= arrived; });
   Entry* entry = find(stamp);
   if (entry == nullptr) {
-    if (ultrasound_.empty()) throw Refusal(Status::NO_ULTRASOUND, "no ultrasound was received");
+    if (ultrasound_.empty()) throw Refusal(Status::NO_ULTRASOUND, kNothingReceived);
     std::string held;
     for (const Entry& one : ultrasound_)
       held += (held.empty() ? "" : ", ") + seconds_text(one.header.stamp);
@@ -307,7 +301,9 @@ std::shared_ptr<const HeldUltrasound> HeldVolumes::ultrasound(
                   "the ultrasound with the stamp " + seconds_text(stamp) +
                       " was given up for newer volumes while it waited for tf (volumes_kept)");
   // The converting thread then judges whether the probe stood still.
-  if (entry->refusal && entry->volume && settle(*entry)) wake_.notify_all();
+  if (entry->refusal && entry->volume && entry->volume->epoch.number == epoch_.number &&
+      settle(*entry))
+    wake_.notify_all();
   if (entry->refusal) throw UltrasoundRefusal(*entry->refusal, entry->header);
   return entry->volume;
 }

@@ -228,7 +228,7 @@ void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& resul
         ": " + why_nothing_arrived(
                    node_, expected_topic<msg::CtVolume>(node_, "ct/volume"), ct_subscriber_,
                    [this] { return subscribe_ct(); }, job.request.cancelled);
-  if (result.status.code == Status::NO_ULTRASOUND && volumes_.state().ultrasound_volumes == 0)
+  if (result.status.message == kNothingReceived)
     result.status.message +=
         ": " + why_nothing_arrived(
                    node_, expected_topic<msg::PreScanVolume>(node_, "us/volume"),

@@ -41,7 +41,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   refused_ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud_refused", 1, true);
   refused_surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_refused", 1, true);
-  us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::show_ultrasound, this);
+  us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::take_ultrasound, this);
   ct_subscriber_ = node_.subscribe("ct/volume", 1, &UsCloud::take_ct, this);
   surface_subscriber_ = node_.subscribe("ct/surface", 1, &UsCloud::take_surface, this);
   alignment_subscriber_ =
@@ -50,15 +50,17 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   result_subscriber_ = node_.subscribe("registration/result", 1, &UsCloud::take_result, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("clouds", this, &UsCloud::diagnose);
-  diagnostics_timer_ = node_.createWallTimer(
-      ::ros::WallDuration(diagnostic_period_s),
-      guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
+  diagnostics_timer_ = node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
+                                             guarded([this](const ::ros::WallTimerEvent&) {
+                                               show_unplaced();
+                                               diagnostics_.force_update();
+                                             }));
 }
 
-Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry,
+Eigen::Isometry3d UsCloud::look_up_fixed_frame(const ScanGeometry& geometry, double tf_wait_s,
                                                std_msgs::Header& header) {
   const geometry_msgs::TransformStamped fixed_us =
-      wait_for_transform(tf_, fixed_frame_, header.frame_id, header.stamp, tf_timeout_s_);
+      wait_for_transform(tf_, fixed_frame_, header.frame_id, header.stamp, tf_wait_s);
   const Eigen::Isometry3d T_fixed_us = from_message_mm(fixed_us.transform, "tf");
   header.frame_id = fixed_frame_;
   const auto mark = [&](const std::string& frame, const Eigen::Isometry3d& T_us_frame) {
@@ -82,15 +84,27 @@ void UsCloud::follow_frames(const msg::PreScanVolume& message, const Eigen::Isom
   follow_probe(frame.T_us_then(message.header, {T_fixed_us, 0.0}, message.frame_stamps), beams);
 }
 
-void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
-  require_stamped(message->header.stamp, ::ros::Time::now(), us_subscriber_.getTopic());
-  const PreScanVolume us = from_message(*message, us_subscriber_.getTopic());
+void UsCloud::take_ultrasound(const msg::PreScanVolumeConstPtr& message) {
+  const std::lock_guard lock(showing_);
+  show_ultrasound(message, tf_timeout_s_);
+}
+
+void UsCloud::show_unplaced() {
+  const std::unique_lock lock(showing_, std::try_to_lock);
+  if (!lock || !unplaced_) return;
+  const msg::PreScanVolumeConstPtr again = unplaced_;
+  show_ultrasound(again, 0.0);
+}
+
+UsCloud::Shown UsCloud::publish_ultrasound(const msg::PreScanVolume& message, double tf_wait_s) {
+  require_stamped(message.header.stamp, ::ros::Time::now(), us_subscriber_.getTopic());
+  const PreScanVolume us = from_message(message, us_subscriber_.getTopic());
   BeamUltrasound seen = along_beams(us);
   Shown shown;
-  shown.header = message->header;
+  shown.header = message.header;
   if (!fixed_frame_.empty()) {
-    shown.T_cloud_us = look_up_fixed_frame(us.geometry, shown.header);
-    follow_frames(*message, shown.T_cloud_us, seen.beams);
+    shown.T_cloud_us = look_up_fixed_frame(us.geometry, tf_wait_s, shown.header);
+    follow_frames(message, shown.T_cloud_us, seen.beams);
   }
   shown.fans = crossed_fans(seen, spacing_mm_);
   std::vector<CloudPoint> whole = whole_volume(seen, volume_spacing_mm_);
@@ -105,17 +119,30 @@ void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
     for (CloudPoint& point : *points) point.p_mm = shown.T_cloud_us * point.p_mm;
   us_publisher_.publish(to_message(shown.fans, shown.header));
   volume_publisher_.publish(to_message(whole, shown.header));
-  {
+  return shown;
+}
+
+void UsCloud::show_ultrasound(const msg::PreScanVolumeConstPtr& message, double tf_wait_s) {
+  const bool is_new = message != unplaced_;
+  unplaced_.reset();
+  const auto fail = [&](const std::exception& error) {
+    const std::lock_guard lock(mutex_);
+    problem_ =
+        "ultrasound of " + seconds_text(message->header.stamp) + " s is not shown: " + error.what();
+    if (is_new) ROS_ERROR("%s", problem_.c_str());
+  };
+  try {
+    Shown shown = publish_ultrasound(*message, tf_wait_s);
     const std::lock_guard lock(mutex_);
     shown_ = std::move(shown);
     problem_.clear();
+  } catch (const InputError& error) {
+    return fail(error);
+  } catch (const std::exception& error) {  // tf
+    unplaced_ = message;
+    return fail(error);
   }
   show_ct();
-} catch (const std::exception& error) {
-  const std::lock_guard lock(mutex_);
-  problem_ =
-      "ultrasound of " + seconds_text(message->header.stamp) + " s is not shown: " + error.what();
-  ROS_ERROR("%s", problem_.c_str());
 }
 
 void UsCloud::take_ct(const msg::CtVolumeConstPtr& message) try {

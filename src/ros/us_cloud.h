@@ -47,8 +47,6 @@ class UsCloud {
     Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
   };
   /// The last published pose of the CT, or the one that waits for a decision.
-  /// Whether there are surfaces, and they do not say that they are of another CT.
-  bool has_surface_of(std::uint32_t ct_crc32) const;
   struct Placement {
     std::string fixed_frame;
     std::string message;
@@ -56,7 +54,13 @@ class UsCloud {
     std::uint32_t ct_crc32 = 0;
   };
 
-  void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
+  void take_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message);
+  /// Tries the ultrasound again that tf could not place: frames may be connected after it came.
+  void show_unplaced();
+  /// Waits for tf, `tf_wait_s` at most. `showing_` must be held.
+  void show_ultrasound(const us_ct_registration::PreScanVolumeConstPtr& message, double tf_wait_s);
+  /// Throws InputError, tf2::TransformException or Refusal.
+  Shown publish_ultrasound(const us_ct_registration::PreScanVolume& message, double tf_wait_s);
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
   static Placement placement_of(const us_ct_registration::Alignment& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
@@ -65,11 +69,14 @@ class UsCloud {
   void take_result(const us_ct_registration::RegistrationResultConstPtr& message);
   /// The pose of the ultrasound in the fixed frame, mm, at the stamp of `header`, whose frame
   /// becomes the fixed one; sends the node's frames to tf. Throws tf2::TransformException.
-  Eigen::Isometry3d look_up_fixed_frame(const ScanGeometry& geometry, std_msgs::Header& header);
+  Eigen::Isometry3d look_up_fixed_frame(const ScanGeometry& geometry, double tf_wait_s,
+                                        std_msgs::Header& header);
   /// Sets each frame where the ultrasound's frame was at the frame's stamp, as the registration
   /// does. Throws Refusal.
   void follow_frames(const us_ct_registration::PreScanVolume& message,
                      const Eigen::Isometry3d& T_fixed_us, BeamGrid& beams) const;
+  /// Whether there are surfaces, and they do not say that they are of another CT.
+  bool has_surface_of(std::uint32_t ct_crc32) const;
   /// The frame of clouds and markers; empty without a fixed frame until ultrasound arrives.
   std::string cloud_frame() const;
   /// Publishes what is known of the CT: where the alignment has it, and where a refused
@@ -91,8 +98,10 @@ class UsCloud {
   double volume_spacing_mm_ = 0.0;
   double surface_alpha_ = 0.0;
   double tf_timeout_s_ = 0.0;
-  std::mutex mutex_;            // guards the members below, up to problem_
-  std::optional<Shown> shown_;  // empty until the first ultrasound arrives
+  std::mutex showing_;  // held while ultrasound is shown; guards the next one
+  us_ct_registration::PreScanVolumeConstPtr unplaced_;  // the newest, if tf could not place it
+  std::mutex mutex_;                                    // guards the members below, up to problem_
+  std::optional<Shown> shown_;                          // empty until the first ultrasound arrives
   std::shared_ptr<const CtVolume> ct_;
   std::uint32_t ct_crc32_ = 0;
   visualization_msgs::MarkerArrayConstPtr surface_;

@@ -44,8 +44,8 @@ struct AssembledSweep {
 /// A sweep that has ended.
 struct EndedSweep {
   std::uint32_t number = 0;
-  /// Of the frames that were taken, nanoseconds since 1970.
-  std::int64_t newest_stamp_ns = 0;
+  /// The acquisition time of the newest frame that was taken: its stamp minus the image lag.
+  std::int64_t newest_ns = 0;
   /// Empty if the sweep was refused.
   std::optional<AssembledSweep> assembled;
   /// Reason why the sweep was refused; else the frames that were dropped, or empty.
@@ -82,8 +82,12 @@ class SweepAssembler {
 
   /// The sweep that has not ended, like "sweep 3, 12 frames"; empty if there is none.
   std::string open_sweep() const;
-  /// The stamp of the first frame that arrived of it.
-  std::optional<std::int64_t> recording_since_ns() const;
+  /// The same: how many have begun so far, and the acquisition time of its first frame.
+  struct OpenSweep {
+    std::uint64_t number = 0;
+    std::int64_t since_ns = 0;
+  };
+  std::optional<OpenSweep> recording() const;
   std::uint64_t received() const { return received_; }
   /// Frames that were dropped or are missing, by reason.
   const Counts& dropped() const { return dropped_; }
@@ -115,6 +119,8 @@ class SweepAssembler {
   std::string refusal_of(const StreamedFrame& frame) const;
   void store(const Frame& frame);
   bool is_complete() const;
+  /// The stamp minus the image lag.
+  std::int64_t acquired_ns(std::int64_t stamp_ns) const;
   EndedSweep end(const std::string& refusal = {});
   void assemble(const Sweep& sweep, EndedSweep& result);
   void require_few_missing(const Sweep& sweep, Counts& dropped, const std::string& source) const;
@@ -125,6 +131,7 @@ class SweepAssembler {
   std::deque<Ended> ended_;
   std::int64_t last_arrival_ns_ = 0;
   std::uint64_t received_ = 0;
+  std::uint64_t begun_ = 0;
   Counts dropped_;
   std::string last_problem_;
 };

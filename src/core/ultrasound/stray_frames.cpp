@@ -11,15 +11,23 @@ namespace {
 
 constexpr int kBeside = 3;  // frames before and after one that it is compared with
 
+bool is_far(const BeamGrid& beams, int frame, int other) {
+  return farthest_apart_mm(beams, frame, other) > kStrayMm;
+}
+
 bool is_stray(const BeamGrid& beams, int frame) {
-  int near = 0;
+  const int first = std::max(0, frame - kBeside);
+  const int last = std::min(beams.frames - 1, frame + kBeside);
   int far = 0;
-  for (int beside = std::max(0, frame - kBeside);
-       beside <= std::min(beams.frames - 1, frame + kBeside); ++beside) {
-    if (beside == frame) continue;
-    ++(farthest_apart_mm(beams, frame, beside) > kStrayMm ? far : near);
+  bool is_off = false;  // away from a path that comes back
+  for (int before = first; before < frame; ++before) far += is_far(beams, frame, before) ? 1 : 0;
+  for (int after = frame + 1; after <= last; ++after) {
+    if (!is_far(beams, frame, after)) continue;
+    ++far;
+    for (int before = first; before < frame; ++before)
+      is_off |= is_far(beams, frame, before) && !is_far(beams, before, after);
   }
-  return far > near;
+  return is_off && 2 * far > last - first;
 }
 
 /// Appends the `size` elements of a frame, unless `from` is empty.

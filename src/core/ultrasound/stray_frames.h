@@ -7,16 +7,17 @@
 
 namespace usct {
 
-/// A frame that lies farther than this from frames beside it is off the probe's path, mm. Frames
-/// that lie nearer do no harm that can be measured.
+/// A frame that lies farther than this from frames before and after it, which lie nearer to each
+/// other, is off the probe's path, mm. Frames that lie less off do no harm that can be measured.
 constexpr double kStrayMm = 20.0;
 /// Where a larger share of the frames is off the path, the frames follow no path.
 constexpr double kMostStrayShare = 0.1;
 
 /// The frames of a tracked sweep whose poses cannot be right, in ascending order: each has a corner
 /// of the field of view farther than kStrayMm from where most of the three frames before it and the
-/// three after it have theirs. A tracker gives such poses for an instant, from a reflection or a
-/// marker that is half hidden. A jump after which the probe goes on elsewhere is none.
+/// three after it have theirs, of which some before and some after lie nearer to each other. A
+/// tracker gives such poses for an instant, from a reflection or a marker that is half hidden. None
+/// is a jump after which the probe goes on elsewhere, or a probe that moves fast.
 ///
 /// None if more than kMostStrayShare of the frames lie so, as where their order is not that of a
 /// path, or if the sweep is that of a motor. The beams must be valid.

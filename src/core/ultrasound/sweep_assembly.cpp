@@ -66,9 +66,13 @@ std::string SweepAssembler::open_sweep() const {
   return name_of_sweep(*sweep_->first) + ", " + std::to_string(sweep_->frames.size()) + " frames";
 }
 
-std::optional<std::int64_t> SweepAssembler::recording_since_ns() const {
+std::int64_t SweepAssembler::acquired_ns(std::int64_t stamp_ns) const {
+  return stamp_ns - nanoseconds_from(options_.image_lag_s);
+}
+
+std::optional<SweepAssembler::OpenSweep> SweepAssembler::recording() const {
   if (!sweep_) return std::nullopt;
-  return sweep_->first->stamp_ns;
+  return OpenSweep{begun_, acquired_ns(sweep_->first->stamp_ns)};
 }
 
 std::vector<EndedSweep> SweepAssembler::arrived(std::int64_t now_ns) {
@@ -130,6 +134,8 @@ void SweepAssembler::take(const Frame& frame, std::vector<EndedSweep>& ended) {
   if (!sweep_) {
     sweep_ = Sweep();
     sweep_->first = frame;
+    sweep_->newest_stamp_ns = frame->stamp_ns;
+    ++begun_;
   }
   const std::string refusal = refusal_of(*frame);
   if (!refusal.empty()) {
@@ -198,7 +204,7 @@ EndedSweep SweepAssembler::end(const std::string& refusal) {
   sweep_.reset();
   EndedSweep result;
   result.number = sweep.first->sweep;
-  result.newest_stamp_ns = sweep.newest_stamp_ns;
+  result.newest_ns = acquired_ns(sweep.newest_stamp_ns);
   ended_.push_back({result.number, sweep.frames.count(0) > 0, sweep.newest_stamp_ns});
   if (ended_.size() > kRememberedSweeps) ended_.pop_front();
   if (refusal.empty()) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
@@ -114,25 +115,26 @@ void FrameStreamSource::check_pause() {
 
 void FrameStreamSource::publish(const std::vector<EndedSweep>& sweeps) {
   for (const EndedSweep& sweep : sweeps) {
+    const VolumePublisher::Id id = std::exchange(recording_id_, std::nullopt);
     refusal_ = sweep.assembled ? "" : sweep.message;
     if (!sweep.assembled) {
       ++refused_;
       ROS_ERROR("refused %s", sweep.message.c_str());
-      volumes_.announce_refused(sweep.message, time_from(sweep.newest_stamp_ns));
+      volumes_.announce_refused(sweep.message, time_from(sweep.newest_ns), id);
       continue;
     }
     if (!sweep.message.empty())
       ROS_WARN("sweep %u: left out %s", sweep.number, sweep.message.c_str());
     ROS_INFO("sweep %u: %zu frames", sweep.number, sweep.assembled->frames.size());
-    volumes_.publish(to_message(*sweep.assembled));
+    volumes_.publish(to_message(*sweep.assembled), id);
   }
 }
 
 void FrameStreamSource::announce_recording() {
-  const std::optional<std::int64_t> since_ns = assembler_.recording_since_ns();
-  if (since_ns && since_ns != recording_since_ns_)
-    volumes_.announce_recording(time_from(*since_ns));
-  recording_since_ns_ = since_ns;
+  const auto open = assembler_.recording();
+  if (!open || open->number == recording_number_) return;
+  recording_number_ = open->number;
+  recording_id_ = volumes_.announce_recording(time_from(open->since_ns));
 }
 
 void FrameStreamSource::check_lags(const std::vector<EndedSweep>& sweeps) {

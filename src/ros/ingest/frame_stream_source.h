@@ -67,7 +67,8 @@ class FrameStreamSource : public IngestSource {
   SweepAssembler assembler_;
   LastArrival last_arrival_;
   int frames_in_work_ = 0;
-  std::optional<std::int64_t> recording_since_ns_;  // as announced
+  std::uint64_t recording_number_ = 0;  // of the sweep that was announced last
+  VolumePublisher::Id recording_id_;    // of the same, until it ends
   std::uint64_t refused_ = 0;
   std::string refusal_;  // of the last sweep; empty if it was published
   std::string lag_;      // estimate from the last tracked sweep

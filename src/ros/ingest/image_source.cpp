@@ -83,7 +83,7 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
 
 void ImageSource::notice_arrival(const ::ros::Time& now) {
   if (now < last_arrival_.time() && recording_) {
-    refuse(recording_->images.name() + ": time ran back while it was recorded");
+    refuse(recording_->images.name() + ": time ran back while it was recorded", {}, recording_->id);
     recording_.reset();
   }
   last_arrival_.set(now);
@@ -111,7 +111,7 @@ double ImageSource::silent_s() const {
   return seconds_between(last_arrival_.time(), last_arrival_.now());
 }
 
-void ImageSource::begin() { recording_ = Recording{{options_.sweep, next_number_++}, {}}; }
+void ImageSource::begin() { recording_ = Recording{{options_.sweep, next_number_++}, {}, {}}; }
 
 std::optional<ImageSource::Recording> ImageSource::ended_by_pause() {
   if (options_.by_service || !recording_ || silent_s() <= options_.sweep.longest_pause_s)
@@ -174,6 +174,7 @@ void ImageSource::record(const sensor_msgs::Image& image) {
   std::vector<std::uint8_t> brightness(beams_.size());
   beams_.resample(pixels.data(), brightness.data());
   if (!recording_) begin();
+  const ::ros::Time acquired = shifted(image.header.stamp, -options_.sweep.image_lag_s);
   std::string& frame = recording_->image_frame;
   const std::string& its_frame =
       options_.image_frame.empty() ? image.header.frame_id : options_.image_frame;
@@ -189,18 +190,20 @@ void ImageSource::record(const sensor_msgs::Image& image) {
           recording_->images.name(),
           "it is longer than " + std::to_string(options_.longest_sweep_s) + " s (longest_sweep)");
     recording_->images.add(nanoseconds_from(image.header.stamp), std::move(brightness));
-    if (images.size() == 1) volumes_.announce_recording(image.header.stamp);
+    if (images.size() == 1) recording_->id = volumes_.announce_recording(acquired);
   } catch (const InputError& error) {
+    const VolumePublisher::Id id = recording_->id;
     recording_.reset();
-    refuse(error.what(), image.header.stamp);
+    refuse(error.what(), acquired, id);
   }
 }
 
-ImageSource::Status ImageSource::refuse(const std::string& reason, const ::ros::Time& stamp) {
+ImageSource::Status ImageSource::refuse(const std::string& reason, const ::ros::Time& stamp,
+                                        VolumePublisher::Id id) {
   ++refused_;
   refusal_ = reason;
   ROS_ERROR("refused %s", reason.c_str());
-  volumes_.announce_refused(reason, stamp);
+  volumes_.announce_refused(reason, stamp, id);
   return status(Code::FAILED, "refused " + reason);
 }
 
@@ -224,15 +227,13 @@ ImageSource::Answer ImageSource::finish(const Recording& recording) {
       const std::lock_guard<std::mutex> lock(mutex_);
       remember(placed);
     }
-    volumes_.publish(volume);
+    volumes_.publish(volume, recording.id);
     ROS_INFO("%s", text.c_str());
     answer.status = status(Code::OK, text);
     answer.us_stamp = volume->header.stamp;
   } catch (const std::exception& error) {  // InputError, or memory
     const std::lock_guard<std::mutex> lock(mutex_);
-    const auto& images = recording.images.images();
-    answer.status =
-        refuse(error.what(), images.empty() ? ::ros::Time() : time_from(images.back().stamp_ns));
+    answer.status = refuse(error.what(), {}, recording.id);
   }
   return answer;
 }

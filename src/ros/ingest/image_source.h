@@ -41,6 +41,7 @@ class ImageSource : public IngestSource {
   /// The sweep that is recorded.
   struct Recording {
     ImageSweep images;
+    VolumePublisher::Id id;   // from its first image on
     std::string image_frame;  // empty until the first image arrives, if the images name it
   };
 
@@ -64,7 +65,7 @@ class ImageSource : public IngestSource {
   Answer finish(const Recording& recording);
   void remember(const PlacedSweep& placed);
   /// `stamp`: of the sweep's last image; 0: none is known.
-  Status refuse(const std::string& reason, const ::ros::Time& stamp = {});
+  Status refuse(const std::string& reason, const ::ros::Time& stamp, VolumePublisher::Id id);
   Answer start_sweep();
   Answer end_sweep();
   /// Why no sweep can start now; OK if it can.

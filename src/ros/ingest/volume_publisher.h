@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 
 namespace usct::ros_interface {
@@ -16,20 +17,26 @@ class VolumePublisher {
  public:
   explicit VolumePublisher(::ros::NodeHandle node);
 
+  /// Number of a sweep that was announced while it is recorded; none for a file.
+  using Id = std::optional<std::uint64_t>;
+
   /// A sweep has begun, with a frame of this stamp.
-  void announce_recording(const ::ros::Time& first_stamp);
-  void publish(const us_ct_registration::PreScanVolumeConstPtr& volume);
+  Id announce_recording(const ::ros::Time& first_stamp);
+  void publish(const us_ct_registration::PreScanVolumeConstPtr& volume, Id id = {});
   /// There will be no volume, for this reason. `stamp`: of the last frame, or 0 if it is not known.
-  void announce_refused(const std::string& reason, const ::ros::Time& stamp = {});
+  void announce_refused(const std::string& reason, const ::ros::Time& stamp = {}, Id id = {});
 
   void describe(diagnostic_updater::DiagnosticStatusWrapper& status) const;
 
  private:
-  void announce(std::uint8_t state, const ::ros::Time& stamp, const std::string& reason = {});
+  std::uint64_t next_id();
+  void announce(std::uint8_t state, const ::ros::Time& stamp, std::uint64_t id,
+                const std::string& reason = {});
 
   const ::ros::Publisher announcements_;
   const ::ros::Publisher volumes_;
   mutable std::mutex mutex_;  // guards the members below
+  std::uint64_t last_id_ = 0;
   std::uint64_t published_ = 0;
   ::ros::Time last_stamp_;  // of a volume
 };

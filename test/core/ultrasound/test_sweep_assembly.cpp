@@ -41,6 +41,24 @@ TEST(SweepAssembler, ASweepOfUnknownLengthEndsWithTheNextOrAPause) {
   expect_equal(stream.ended[1], motorised(6));
 }
 
+/// A bag that is played again has the same frames at the same times.
+TEST(SweepAssembler, TellsASweepFromTheSameOneBefore) {
+  AssemblyOptions options;
+  options.image_lag_s = 0.5;
+  Stream stream(options);
+  EXPECT_FALSE(stream.assembler.recording());
+  Frames frames = frames_of(motorised(6), 100.0);
+  frames.pop_back();
+  stream.send(frames);
+  ASSERT_TRUE(stream.assembler.recording());
+  const SweepAssembler::OpenSweep first = *stream.assembler.recording();
+  EXPECT_EQ(first.since_ns, frames.front().stamp_ns - kSecond / 2);
+  stream.assembler.add(std::make_shared<StreamedFrame>(frames.front()), 0);  // time ran back
+  ASSERT_TRUE(stream.assembler.recording());
+  EXPECT_EQ(stream.assembler.recording()->since_ns, first.since_ns);
+  EXPECT_NE(stream.assembler.recording()->number, first.number);
+}
+
 TEST(SweepAssembler, FramesOutOfOrderAreSortedAndSecondOnesDropped) {
   Stream stream;
   Frames frames = frames_of(motorised(6), 100.0);

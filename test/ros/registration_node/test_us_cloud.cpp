@@ -203,5 +203,19 @@ TEST_F(UsCloudNode, SaysInDiagnosticsWhyUltrasoundIsNotShown) {
   diagnostics_.wait(status(diagnostic_msgs::DiagnosticStatus::OK, "ultrasound is shown"));
 }
 
+/// Somebody reads in the diagnostics which frames are not connected, and connects them.
+TEST_F(UsCloudNode, ShowsUltrasoundOnceItsFrameIsConnected) {
+  MovingSweep moving = moving_sweep(kPatientUsAtCloud, 0.0, 0.0, "us_cloud_late");
+  us_.publish(moving.sweep);
+  diagnostics_.wait([](const diagnostic_msgs::DiagnosticArray& array) {
+    return std::any_of(array.status.begin(), array.status.end(), [](const auto& one) {
+      return one.message.find("us_cloud_late") != std::string::npos;
+    });
+  });
+  tf_.publish(moving.poses);
+  us_cloud_.wait(
+      [&](const auto& cloud) { return cloud.header.stamp == moving.sweep.header.stamp; });
+}
+
 }  // namespace
 }  // namespace usct::ros_interface

@@ -71,15 +71,17 @@ class HeldVolumesTest : public testing::Test {
     return refusal([&] { volumes().ultrasound(::ros::Time(seconds), never); });
   }
   void announce(std::uint8_t state, double seconds, const std::string& reason = {},
-                const ::ros::Time& now = kNow) {
+                const ::ros::Time& now = kNow, std::uint64_t id = 0) {
     Acquisition acquisition;
     acquisition.header.stamp = ::ros::Time(seconds);
+    acquisition.id = id == 0 ? ++last_id_ : id;
     acquisition.state = state;
     acquisition.reason = reason;
     volumes().announced(acquisition, now);
   }
   double newest_s() { return volumes().ultrasound(::ros::Time(), never)->header.stamp.toSec(); }
 
+  std::uint64_t last_id_ = 0;  // of an acquisition
   FixedFrameOptions frame_options_;
   HeldVolumesOptions options_;
   TfBuffer tf_{::ros::Duration(60.0)};
@@ -207,7 +209,7 @@ TEST_F(HeldVolumesTest, ASweepThatIsRecordedIsWaitedFor) {
   announce(Acquisition::RECORDING, 2.0);
   auto asking = std::async(std::launch::async, [&] { return newest_s(); });
   EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
-  announce(Acquisition::RECORDED, 3.0);
+  announce(Acquisition::RECORDED, 3.0, "", kNow, last_id_);
   announce(Acquisition::RECORDING, 3.1);  // the probe sweeps on and on
   volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(3)), kNow);
   EXPECT_EQ(asking.get(), 3.0);
@@ -223,6 +225,29 @@ TEST_F(HeldVolumesTest, WhoWaitsForASweepLearnsThatItIsRefused) {
   EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
   announce(Acquisition::REFUSED, 3.0, "the motor turns back");
   EXPECT_THAT(asking.get(), HasSubstr("the motor turns back"));
+}
+
+/// The images of a sweep may wait for their poses while the next sweep is recorded, or refused.
+TEST_F(HeldVolumesTest, AnEarlierSweepThatIsPlacedLateIsNotTheNewest) {
+  for (const std::uint8_t state : {Acquisition::RECORDING, Acquisition::REFUSED}) {
+    volumes_.reset();
+    announce(Acquisition::RECORDING, 1.0);
+    const std::uint64_t first = last_id_;
+    announce(state, 3.0, "too long");
+    announce(Acquisition::RECORDED, 2.0, "", kNow, first);
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(2)), kNow);
+    EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("may show another place"));
+  }
+}
+
+/// As those of a folder, each of which begins when it is read.
+TEST_F(HeldVolumesTest, FilesNeedNotComeInTheOrderOfTheirStamps) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+  announce(Acquisition::REFUSED, 150.0, "unreadable");
+  EXPECT_THAT(ultrasound_refusal().what(), HasSubstr("unreadable"));
+  announce(Acquisition::RECORDED, 50.0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(50)), kNow);
+  EXPECT_EQ(newest_s(), 50.0);
 }
 
 /// As in each loop of a bag. The first that learns of the jump may be the announcement itself.
@@ -472,6 +497,18 @@ TEST_F(HeldVolumesWithTf, VolumesThatWereRefusedForWantOfTfAreLookedUpAgain) {
   const auto found = volumes().ultrasound(::ros::Time(), never);
   EXPECT_NEAR(found->pose.T_fixed_us.translation().x(), 12.0, 1e-9);
   EXPECT_TRUE(volumes().require_still(*found, never));
+}
+
+/// The probe may have been elsewhere at this time of the clock before.
+TEST_F(HeldVolumesWithTf, VolumesFromBeforeTheClockWasSetBackAreNotLookedUpAgain) {
+  options_.tf_timeout_s = 0.01;
+  volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  volumes().notice_time(::ros::Time(50.0));
+  know(99.0, 12.0);
+  know(101.0, 12.0);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
 }
 
 /// The volume is available as soon as tf reaches its stamp; its result waits.

@@ -29,6 +29,9 @@ std::vector<StoredTransform> parse(std::string_view text, const std::string& sou
       transforms.push_back({std::string(value), {}, {}});
       continue;
     }
+    if (name == "ComponentTransformFile")
+      throw InputError(source, "names the file " + in_quotes(value) +
+                                   " for a part of its transform, must hold all of it");
     if (name != "Parameters" && name != "FixedParameters") continue;
     if (transforms.empty())
       throw InputError(source, kNoTransformFile + "'" + name + "' stand before any 'Transform'");

@@ -109,7 +109,7 @@ std::string describe_prescan_nrrd(const std::filesystem::path& path) {
   warn_of_duplicates(volume, json);
   if (const std::vector<int> stray = stray_frames(beam_grid(geometry)); !stray.empty())
     json["warnings"].push_back(stray_words(stray, geometry.frames()));
-  else if (json.value("largest_step_of_the_middle_mm", 0.0) > kHoleMm)
+  if (json.value("largest_step_of_the_middle_mm", 0.0) > kHoleMm)
     json["warnings"].push_back("frames that follow each other lie more than " +
                                formatted("%g", kHoleMm) + " mm apart: " + kWhyHoles);
   return io::as_text(json);
