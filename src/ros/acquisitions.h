@@ -30,9 +30,9 @@ class Acquisitions {
   void arrived(const ::ros::Time& stamp, Clock::time_point now);
   void forget();
 
-  /// Of the volume that arrived last; 0: none.
+  /// The stamp of the volume that arrived last; 0: none.
   ::ros::Time last_arrived() const { return arrived_.empty() ? ::ros::Time() : arrived_.back(); }
-  /// What a request at this time has to wait for: it gets no ultrasound from before it.
+  /// A request at this time has to wait for this: it gets no ultrasound from before it.
   std::optional<Acquisition> awaited(Clock::time_point now) const;
   /// Whether the wait for it has ended, because its volume has arrived or time ran back.
   bool has_ended(const Acquisition& awaited) const;

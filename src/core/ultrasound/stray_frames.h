@@ -10,7 +10,7 @@ namespace usct {
 /// A frame that lies farther than this from frames before and after it, which lie nearer to each
 /// other, is off the probe's path, mm. Frames that lie less off do no harm that can be measured.
 constexpr double kStrayMm = 20.0;
-/// Where a larger share of the frames is off the path, the frames follow no path.
+/// The frames follow no path if a larger share of them is off it.
 constexpr double kMostStrayShare = 0.1;
 
 /// The frames of a tracked sweep whose poses cannot be right, in ascending order: each has a corner
