@@ -24,7 +24,7 @@ struct ClockEpoch {
 struct HeldCt {
   /// The stamp is the first under which these voxels arrived without others in between.
   std_msgs::Header header;
-  /// That of the same arrival.
+  /// The epoch of the same arrival.
   ClockEpoch epoch;
   std::uint32_t revision = 0;
   std::uint32_t crc32 = 0;
@@ -39,7 +39,7 @@ struct HeldUltrasound {
   /// Longest way of a sample by the motion of the ultrasound's frame during the sweep, mm.
   double sweep_motion_mm = 0.0;
   std::vector<::ros::Time> frame_stamps;
-  /// That of its arrival.
+  /// The epoch in which it arrived.
   ClockEpoch epoch;
   /// Time at which waiting for tf ends.
   std::chrono::steady_clock::time_point tf_deadline;

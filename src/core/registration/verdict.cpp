@@ -176,7 +176,6 @@ void tell_corrected_sweep(const AcquisitionErrors& errors, RegistrationResult& r
 }
 
 void tell_stray_frames(const std::vector<int>& frames, int of_frames, RegistrationResult& result) {
-  if (frames.empty()) return;
   result.message += "; " + stray_words(frames, of_frames) + ": they were left out";
 }
 

@@ -14,8 +14,7 @@ RegistrationResult result_of(const std::vector<Candidate>& optima, const Candida
 /// adds them to those that were still found. Does nothing if there are none.
 void tell_corrected_sweep(const AcquisitionErrors& errors, RegistrationResult& result);
 
-/// Tells which of a sweep's frames were left out before it was registered. Does nothing if there
-/// are none.
+/// Tells which of a sweep's frames, at least one, were left out before it was registered.
 void tell_stray_frames(const std::vector<int>& frames, int of_frames, RegistrationResult& result);
 
 /// The result of a registration that could not go on.

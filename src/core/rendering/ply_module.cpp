@@ -34,7 +34,7 @@ bool is_whole_ply(const std::filesystem::path& path, vtkPolyData& mesh, std::siz
   constexpr std::string_view kEnd = "\nend_header\n";
   constexpr std::size_t kTriangleBytes = 1 + 3 * 4;
   const io::Bytes bytes = io::read_bytes(path);
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view text = io::text_view(bytes);
   const std::size_t header = text.find(kEnd);
   return header != std::string_view::npos &&
          text.size() == header + kEnd.size() +

@@ -423,6 +423,13 @@ class HeldVolumesWithTf : public HeldVolumesTest {
     transform.transform.rotation.w = 1.0;
     tf_.set_transform(transform, "test");
   }
+  /// Ultrasound of this stamp is refused, since tf knows nothing of its frame.
+  void refuse_for_want_of_tf(double seconds) {
+    options_.tf_timeout_s = 0.01;
+    volumes_.emplace(with_tf_, options_, [] {});
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(seconds)), kNow);
+    EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  }
   FixedFrame with_tf_{tf_, [] {
                         FixedFrameOptions options;
                         options.frame = "patient";
@@ -475,10 +482,7 @@ TEST_F(HeldVolumesWithTf, ANamedVolumeThatIsGivenUpWhileItWaitsForTfIsRefused) {
 }
 
 TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
-  options_.tf_timeout_s = 0.01;
-  volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
-  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  refuse_for_want_of_tf(100.0);
   know(98.0, 0.0);
   know(99.0, 0.0);
   EXPECT_EQ(ultrasound_refusal().code(), Status::TF_STALE);
@@ -488,10 +492,7 @@ TEST_F(HeldVolumesWithTf, TfThatNeverComesIsTheReason) {
 
 /// Somebody connects the frames that the refusal names, and asks again.
 TEST_F(HeldVolumesWithTf, VolumesThatWereRefusedForWantOfTfAreLookedUpAgain) {
-  options_.tf_timeout_s = 0.01;
-  volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
-  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  refuse_for_want_of_tf(100.0);
   know(99.0, 12.0);
   know(101.0, 12.0);
   const auto found = volumes().ultrasound(::ros::Time(), never);
@@ -501,10 +502,7 @@ TEST_F(HeldVolumesWithTf, VolumesThatWereRefusedForWantOfTfAreLookedUpAgain) {
 
 /// The probe may have been elsewhere at this time of the clock before.
 TEST_F(HeldVolumesWithTf, VolumesFromBeforeTheClockWasSetBackAreNotLookedUpAgain) {
-  options_.tf_timeout_s = 0.01;
-  volumes_.emplace(with_tf_, options_, [] {});
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
-  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
+  refuse_for_want_of_tf(100.0);
   volumes().notice_time(::ros::Time(50.0));
   know(99.0, 12.0);
   know(101.0, 12.0);

@@ -12,8 +12,7 @@ namespace usct {
 std::vector<Eigen::Vector3d> read_points_mm(const std::filesystem::path& path) {
   const std::string source = path.string();
   const io::Bytes bytes = io::read_text_bytes(path);
-  const std::vector<std::string_view> lines =
-      split({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, '\n');
+  const std::vector<std::string_view> lines = split(io::text_view(bytes), '\n');
   std::string_view title = lines[0];
   // Spreadsheets write a byte order mark before UTF-8.
   constexpr std::string_view kMark = "\xEF\xBB\xBF";

@@ -49,7 +49,7 @@ void require_brightness(const IgsioSequence& sequence, const std::string& source
 bool is_igsio(const std::filesystem::path& path) {
   try {
     const io::Bytes bytes = io::read_prefix(path, kHeaderBytes);
-    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    const std::string_view text = io::text_view(bytes);
     const std::string_view header = text.substr(0, text.find("\nElementDataFile"));
     return header.substr(0, 10) == "ObjectType" &&
            (header.find("\nSeq_Frame") != header.npos ||

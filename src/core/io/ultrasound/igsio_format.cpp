@@ -48,7 +48,7 @@ void parse_field(std::string_view name, std::string_view value, Header& header,
 
 /// Parses lines `name = value`. The data begin after the line of ElementDataFile, the last one.
 Header parse_header(const Bytes& bytes, const std::string& source) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view text = text_view(bytes);
   Header header;
   while (header.data_offset < text.size()) {
     const std::size_t end = std::min(text.find('\n', header.data_offset), text.size());

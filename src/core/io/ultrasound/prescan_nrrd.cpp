@@ -67,7 +67,7 @@ const char* kind_of(const ScanGeometry& geometry) {
 bool is_prescan_nrrd(const std::filesystem::path& path) {
   try {
     const io::Bytes bytes = io::read_prefix(path, kPeekedBytes);
-    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    const std::string_view text = io::text_view(bytes);
     const std::string_view header = text.substr(0, text.find("\n\n"));
     return header.substr(0, 4) == "NRRD" && header.find("\nusct_geometry:=") != header.npos;
   } catch (const InputError&) {

@@ -45,8 +45,7 @@ WireDistances read_wire_distances(const std::filesystem::path& path, double true
                                   std::optional<int> frames) {
   const std::string source = path.string();
   const io::Bytes bytes = io::read_text_bytes(path);
-  const std::vector<std::string_view> lines =
-      split({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, '\n');
+  const std::vector<std::string_view> lines = split(io::text_view(bytes), '\n');
   if (trimmed(lines[0]) != kHeader)
     throw InputError(source, "line 1 is " + in_quotes(trimmed(lines[0])) + ", must be '" +
                                  std::string(kHeader) + "'");

@@ -34,7 +34,7 @@ struct MetaText {
 
 MetaText read_text(const fs::path& path) {
   const Bytes bytes = read_prefix(path, kLongestHeader);
-  const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::string_view all = text_view(bytes);
   MetaText result{HeaderFields(path.string()), 0};
   while (!result.fields.find("ElementDataFile")) {
     const std::size_t begin = result.data_begin;

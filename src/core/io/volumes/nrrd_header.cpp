@@ -12,8 +12,7 @@ namespace {
 /// Splits bytes into lines, without their line ends.
 class LineReader {
  public:
-  explicit LineReader(const Bytes& bytes)
-      : text_(reinterpret_cast<const char*>(bytes.data()), bytes.size()) {}
+  explicit LineReader(const Bytes& bytes) : text_(text_view(bytes)) {}
 
   bool at_end() const { return offset_ == text_.size(); }
   std::size_t offset() const { return offset_; }
