@@ -14,10 +14,10 @@
 #include "text.h"
 #include "us_ct_registration/error.h"
 
-/// The modules for ITK's two kinds of transform files share these functions. The modules read and write the
-/// files themselves, and leave to ITK what the parameters of its transforms mean: its own readers
-/// take missing parameters from beyond the end of those that are there, and its writers leave a
-/// torn file, or crash, where the disk is full.
+/// The modules for ITK's two kinds of transform files share these functions. The modules read and
+/// write the files themselves, and leave to ITK what the parameters of its transforms mean: its own
+/// readers take missing parameters from beyond the end of those that are there, and its writers
+/// leave a torn file, or crash, where the disk is full.
 namespace usct::io {
 
 using AnyTransform = itk::Transform<double, 3, 3>;
