@@ -20,7 +20,7 @@ void for_points(const Eigen::Vector3i& size, const Use& use) {
 
 LatticeCt::LatticeCt(const Eigen::Vector3i& points)
     : size(points),
-      value(points.cast<std::size_t>().prod() + kBlockLanes),
+      value(points.cast<std::size_t>().prod() + kBeyondPoints),
       gradient(value.size()) {}
 
 void invert_covariances_scalar(LatticeCt& ct, const Ridges& ridges) {

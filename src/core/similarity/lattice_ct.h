@@ -14,13 +14,16 @@ constexpr int kBlockEdge = 4;
 /// Rows are read and written by whole vectors of so many numbers. Arrays of rows have as many more
 /// at their end.
 constexpr std::size_t kBlockLanes = 16;
+/// Arrays of a lattice have so many numbers more than points: the last point of a row may begin a
+/// vector, and each word of a vector is made of those of the next neighbours too.
+constexpr std::size_t kBeyondPoints = kBlockLanes + kBlockEdge - 1;
 
 inline std::size_t whole_vectors(int count) {
   return (static_cast<std::size_t>(count) + kBlockLanes - 1) / kBlockLanes * kBlockLanes;
 }
 
 /// A CT at the points of a lattice, i fastest: (i, j, k) is at i + size.x() * (j + size.y() * k).
-/// All arrays have kBlockLanes numbers more than points.
+/// All arrays have kBeyondPoints numbers more than points.
 struct LatticeCt {
   /// All points are undefined, until rows are sampled.
   explicit LatticeCt(const Eigen::Vector3i& points);
@@ -67,7 +70,7 @@ struct LatticeRow {
 
 /// Samples `count` points of a row, by trilinear interpolation of the bytes. Outside the CT there
 /// is background without gradient. Writes what LatticeCt has, and up to kBlockLanes words more
-/// that are undefined.
+/// that are undefined; reads words as far as kBeyondPoints beyond the row.
 void sample_row_scalar(const LatticeRow& row, int count, std::uint32_t* value,
                        std::uint32_t* gradient);
 void sample_row_simd(const LatticeRow& row, int count, std::uint32_t* value,

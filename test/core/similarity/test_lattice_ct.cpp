@@ -1,7 +1,10 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <Eigen/Dense>
+#include <new>
 
 #include "core/geometry/random_geometry.h"
 #include "core/similarity/instructions.h"
@@ -93,6 +96,51 @@ RC_GTEST_PROP(LatticeCt, HasTheValueAndGradientOfTheCtAtEachPoint, ()) {
             RC_ASSERT(is(lattice.gradient[at] >> (8 * before) & 0xFFU, gradient));
           }
         }
+  }
+}
+
+/// A page with another one behind it at which any access ends the program.
+class GuardedPage {
+ public:
+  GuardedPage()
+      : first_(static_cast<char*>(
+            mmap(nullptr, 2 * size_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0))) {
+    if (first_ == MAP_FAILED || mprotect(first_ + size_, size_, PROT_NONE) != 0)
+      throw std::bad_alloc();
+  }
+  ~GuardedPage() { munmap(first_, 2 * size_); }
+  GuardedPage(const GuardedPage&) = delete;
+  GuardedPage& operator=(const GuardedPage&) = delete;
+
+  /// The last words of the page.
+  std::uint32_t* last(std::size_t words) const {
+    return reinterpret_cast<std::uint32_t*>(first_ + size_) - words;
+  }
+
+ private:
+  std::size_t size_ = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  char* first_;
+};
+
+TEST(LatticeCt, TouchesNothingBeyondItsArrays) {
+  Grid grid;
+  grid.size.setConstant(2);
+  const PackedCt ct(Volume<float>(grid), {-100.0, 410.0}, kBackgroundHu);
+  const GuardedPage value, gradient;
+  for (int count = 4; count < 40; ++count) {
+    const std::size_t words = LatticeCt({count, 1, 1}).value.size();
+    const LatticeRow row{ct.gradient().words,
+                         {1.0F, 1.0F, 1.0F},
+                         static_cast<int>(ct.stride_j()),
+                         static_cast<int>(ct.stride_k()),
+                         70.0F,
+                         {-0.5F, 0.5F, 0.5F},
+                         {0.25F, 0.0F, 0.0F}};
+    for (const std::int64_t target : Instructions::all()) {
+      const Instructions used(target);
+      sample_row_simd(row, count, value.last(words), gradient.last(words));
+      EXPECT_EQ(LatticeCt::byte(value.last(words)[0]), 70);
+    }
   }
 }
 
