@@ -97,9 +97,13 @@ void Marks::add_dot(int x, int y, double radius_px) {
 }
 
 void Marks::add_disc(int x, int y, double radius_px) {
-  const int reach = static_cast<int>(std::min(radius_px, 2.0 * (width_ + height_)));
+  // Lengths are cut off well beyond the image, since those of a large bound exceed the range of
+  // int.
+  const double most = 2.0 * (width_ + height_);
+  const int reach = static_cast<int>(std::min(radius_px, most));
   for (int v = std::max(0, y - reach); v <= std::min(height_ - 1, y + reach); ++v) {
-    const int half = static_cast<int>(std::sqrt(radius_px * radius_px - (v - y) * (v - y)));
+    const int half =
+        static_cast<int>(std::min(std::sqrt(radius_px * radius_px - (v - y) * (v - y)), most));
     const int begin = std::max(0, x - half);
     const int end = std::min(width_, x + half + 1);
     if (begin >= end) continue;
@@ -122,7 +126,8 @@ void mark_band(const std::vector<std::vector<OutlinePixel>>& outlines, const Cam
       const double radius_px =
           std::hypot(*structure.bound_mm * camera.pixels_per_length(p_mm), structure.bound_px);
       marks.add_disc(at.x, at.y, radius_px);
-      step = std::max<std::size_t>(1, static_cast<std::size_t>(kStepPerRadius * radius_px));
+      const double most = static_cast<double>(outline.size());
+      step = static_cast<std::size_t>(std::clamp(kStepPerRadius * radius_px, 1.0, most));
     }
   }
 }
