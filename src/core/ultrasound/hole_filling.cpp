@@ -1,5 +1,6 @@
 #include "ultrasound/hole_filling.h"
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -23,9 +24,12 @@ std::vector<Eigen::Vector3i> half_of_the_neighbours() {
 class HoleFiller {
  public:
   HoleFiller(const ScanConverted& known, double radius_mm) : known_(known) {
+    // No voxel of the grid is farther away, and a large radius exceeds the range of int.
+    const double most = grid().size.maxCoeff();
     for (const Eigen::Vector3i& step : half_of_the_neighbours()) {
       const double length_mm = step.cast<double>().cwiseProduct(grid().spacing_mm).norm();
-      directions_.push_back({step, length_mm, static_cast<int>(radius_mm / length_mm)});
+      directions_.push_back(
+          {step, length_mm, static_cast<int>(std::min(radius_mm / length_mm, most))});
     }
   }
 

@@ -93,6 +93,8 @@ TEST(Compound, BridgesGapsBetweenFramesButDoesNotGrowOutwards) {
   EXPECT_EQ(column(images, 15, options)[9], -1);
   options.hole_fill_radius_mm = 0.0;
   EXPECT_EQ(column(images, 15, options)[4], -1);
+  options.hole_fill_radius_mm = 1e12;  // more voxels than an int can count
+  EXPECT_EQ(column(images, 15, options)[4], 60);
 }
 
 /// An affine function of position, in [0, 255] within 100 mm.
