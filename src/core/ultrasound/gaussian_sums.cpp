@@ -89,7 +89,9 @@ GaussianSums::GaussianSums(const BeamGrid& beams, double sigma_mm) : sigma_mm_(s
   row_size_ = (static_cast<std::size_t>(samples_.blocks()) + kRowPart - 1) / kRowPart * kRowPart;
   const double step_mm = spacing_mm * samples_.size;
   const double variance = variance_mm2(sigma_mm, step_mm, samples_.size);
-  const int reach = static_cast<int>(kReach * std::sqrt(variance) / step_mm);
+  // Farther away there are no samples, and the reach of a wide window exceeds the range of int.
+  const int reach = static_cast<int>(
+      std::min(kReach * std::sqrt(variance) / step_mm, static_cast<double>(row_size_)));
   for (int i = -reach; i <= reach; ++i)
     kernel_.push_back(static_cast<float>(std::exp(-0.5 * i * i * step_mm * step_mm / variance)));
   line_taps_ = taps_across(lines_, on_line);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/simulation/simple_scenes.h"
 #include "core/ultrasound/sample_index.h"
@@ -11,9 +12,9 @@ namespace usct::test {
 namespace {
 
 /// A fan whose lines and frames are 0.8 to 3 mm apart.
-BeamGrid fan() {
+BeamGrid fan(int samples = 61) {
   ScanGeometry geometry;
-  geometry.axial = {61, 2.0, 1.3};
+  geometry.axial = {samples, 2.0, 1.3};
   geometry.array = CurvilinearArray{40.0, centred_table(35, 0.02)};
   geometry.motion = MotorSweep{27.0, centred_table(31, 0.025), 0.0};
   return beam_grid(geometry);
@@ -96,6 +97,20 @@ TEST(GaussianSums, OfNarrowWindowsAreThoseOfTheDefinition) {
 TEST(GaussianSums, OfWideWindowsAreInterpolatedToAFewPercent) {
   for (const double sigma_mm : {4.0, 8.0, 12.0})
     EXPECT_LT(greatest_error(sigma_mm), 0.06) << sigma_mm;
+}
+
+TEST(GaussianSums, OfWindowsFarWiderThanTheFieldAreThoseOfAllSamples) {
+  const BeamGrid beams = fan(200);  // more than a block
+  const Masked us = masked_values(beams);
+  const double mean = std::accumulate(us.values.begin(), us.values.end(), 0.0) /
+                      std::accumulate(us.mask.begin(), us.mask.end(), 0.0);
+  for (const double sigma_mm : {1e6, 1e12, 1e200}) {
+    const GaussianSums sums(beams, sigma_mm);
+    const std::vector<float> values = sums(us.values);
+    const std::vector<float> weights = sums(us.mask);
+    for (const std::size_t i : {std::size_t{0}, values.size() / 2, values.size() - 1})
+      EXPECT_NEAR(values[i] / weights[i], mean, 1e-3) << sigma_mm;
+  }
 }
 
 TEST(GaussianSums, OfSeveralArraysAreThoseOfEachToTheBit) {
