@@ -269,5 +269,16 @@ TEST_F(DicomIrregular, MixturesAreRefusedEvenWhenResamplingIsAllowed) {
   expect_input_error([&] { read_dicom_ct(single.path(), resample_); }, {"one place", ">= 2"});
 }
 
+TEST_F(DicomIrregular, SlicesFarBesideEachOtherAreRefused) {
+  for (const double right_mm : {1e5, 1e13}) {
+    slices_.clear();
+    for (int k = 0; k < 4; ++k) add(k, k == 2 ? right_mm : 0.0);
+    const TemporaryFolder folder;
+    test::write_shuffled(folder.path(), slices_);
+    expect_input_error([&] { read_dicom_ct(folder.path(), resample_); },
+                       {"beside each other", "more columns or rows", "8192"});
+  }
+}
+
 }  // namespace
 }  // namespace usct

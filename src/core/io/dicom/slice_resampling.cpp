@@ -10,6 +10,8 @@ namespace usct::io {
 namespace {
 
 constexpr int kMostSlices = 8192;
+/// Columns or rows that sideways shifts may add to those of a slice.
+constexpr int kMostAdded = 8192;
 
 /// Interpolates one slice at continuous indices. Returns false outside the slice.
 bool bilinear(const std::int16_t* slice, const Eigen::Vector2i& size, double x, double y,
@@ -53,6 +55,12 @@ Grid resampled_grid(const std::string& source, const std::vector<SlicePose>& sli
   }
   const Eigen::Array2d begin = (low.cwiseQuotient(first.spacing_mm).array() + kRounding).floor();
   const Eigen::Array2d end = (high.cwiseQuotient(first.spacing_mm).array() - kRounding).ceil();
+  const double added = (end - begin).maxCoeff();
+  if (!(added <= kMostAdded))
+    throw InputError(source, "resampling slices that lie up to " + format((high - low).maxCoeff()) +
+                                 " mm beside each other needs " + format(added) +
+                                 " more columns or rows than a slice has, must be <= " +
+                                 std::to_string(kMostAdded));
   Grid grid;
   grid.size.head<2>() = first.size + (end - begin).matrix().cast<int>();
   grid.size.z() = static_cast<int>(steps) + 1;

@@ -67,7 +67,8 @@ constexpr std::int16_t kAirHu = -1024;
 constexpr double kDensestTissueHu = 2000.0;
 
 /// A regular grid with the slices' axes and normal, the least spacing between neighbours, and the
-/// extent of all slices. Throws InputError, naming `source`, if it has more than 8192 slices.
+/// extent of all slices. Throws InputError, naming `source`, if it has more than 8192 slices, or
+/// more than 8192 columns or rows beyond those of a slice.
 Grid resampled_grid(const std::string& source, const std::vector<SlicePose>& slices,
                     const SliceStack& stack);
 
