@@ -201,7 +201,7 @@ RC_GTEST_PROP(LatticeCt, AllInstructionsSampleARowAsTheReferenceDoes, ()) {
                        T_index_lattice.translation().cast<float>(),
                        T_index_lattice.linear().col(0).cast<float>()};
   const auto sampled = [&](decltype(&sample_row_scalar) kernel) {
-    std::vector<std::uint32_t> words(2 * (static_cast<std::size_t>(count) + kBlockLanes));
+    std::vector<std::uint32_t> words(2 * (static_cast<std::size_t>(count) + kBeyondPoints));
     kernel(row, count, words.data(), words.data() + words.size() / 2);
     return words;
   };
