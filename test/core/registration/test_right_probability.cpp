@@ -351,6 +351,8 @@ TEST(RightProbability, WhatLiesFarBeyondTheCalibrationCountsNoMore) {
     std::optional<double> Measures::*value;
     double far, farther;
   };
+  Measures moved = middling_of_many_blocks();  // far from sure, whatever its blocks gain
+  moved.tissue_motion_mm = 4.0;
   for (const Far& e : {Far{&Measures::mirror_ratio, 10.0, 1000.0},
                        {&Measures::mirror_ratio, 0.1, 0.001},
                        {&Measures::mirror_advantage, 50.0, 500.0},
@@ -361,7 +363,7 @@ TEST(RightProbability, WhatLiesFarBeyondTheCalibrationCountsNoMore) {
                        {&Measures::local_advantage, 50.0, 500.0},
                        {&Measures::local_advantage, -50.0, -500.0},
                        {&Measures::parts_mm, 20.0, 200.0}})
-    for (Measures measures : {middling(), middling_of_many_blocks()}) {
+    for (Measures measures : {middling(), middling_of_many_blocks(), moved}) {
       measures.*e.value = e.far;
       const RightProbability far = right_probability(measures).value();
       measures.*e.value = e.farther;
