@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <limits>
+
+#include "core/io/expect_input_error.h"
 #include "random_geometry.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/beam_grid.h"
@@ -20,6 +23,7 @@ void assert_beams_agree(const ScanGeometry& geometry) {
   RC_ASSERT(beams.samples() == geometry.samples());
   RC_ASSERT(beams.lines == geometry.lines());
   RC_ASSERT(beams.frames == geometry.frames());
+  const Eigen::AlignedBox3d box = beams.bounding_box();
   for (int n = 0; n < 20; ++n) {
     const int sample = integer(0, geometry.samples());
     const int line = integer(0, geometry.lines());
@@ -28,8 +32,10 @@ void assert_beams_agree(const ScanGeometry& geometry) {
         geometry,
         {static_cast<double>(sample), static_cast<double>(line), static_cast<double>(frame)});
     RC_ASSERT((beams.point(frame, line, sample) - expected).norm() < 1e-9);
+    RC_ASSERT(box.exteriorDistance(expected) < 1e-9);
     RC_ASSERT(std::abs(beams.beam(frame, line).direction.norm() - 1.0) < 1e-12);
   }
+  RC_ASSERT(beams.tracked != geometry.is_motorised());
 }
 
 RC_GTEST_PROP(BeamGrid, OfAMotorisedProbeAgreesWithUsFromScan, ()) {
@@ -79,6 +85,21 @@ TEST(ParallelBeams, AxisIsReadFromTextAndNothingElseIsTaken) {
   for (const char* text : {"", "y", "+w", "+y ", "++y", "-Y"})
     EXPECT_THROW(parse_beam_axis(text, "--beam-axis"), InputError) << text;
   EXPECT_THROW(parallel_beam_grid(Grid{{2, 2, 2}}, {3, true}), InputError);
+}
+
+TEST(BeamGrid, ABeamThatLeadsNowhereIsNamed) {
+  BeamGrid good{{3, 0.0, 1.0}, 1, 2, {}};
+  good.beams.assign(2, {Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitY()});
+  good.validate();
+  const auto refuse = [&](const Beam& beam) {
+    BeamGrid bad = good;
+    bad.beams[1] = beam;
+    test::expect_input_error([&] { bad.validate("us"); }, {"us", "beam 1"});
+  };
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  refuse({Eigen::Vector3d(0.0, kNaN, 0.0), Eigen::Vector3d::UnitY()});
+  refuse({Eigen::Vector3d::Zero(), Eigen::Vector3d(0.0, kNaN, 0.0)});
+  refuse({Eigen::Vector3d::Zero(), Eigen::Vector3d(0.0, 1.1, 0.0)});
 }
 
 TEST(BeamGrid, RefusesInvalidGeometry) { EXPECT_THROW(beam_grid(ScanGeometry{}), InputError); }

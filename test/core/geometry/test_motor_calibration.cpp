@@ -88,6 +88,36 @@ TEST(MotorCalibration, StandardErrorsMatchTheScatterOfRepeatedCalibrations) {
   EXPECT_NEAR(squares / runs, 1.0, 0.33);
 }
 
+/// A frame that more volumes show counts as often: the fit is the least-squares fit of all single
+/// distances, which no small change of its parameters makes better.
+TEST(MotorCalibration, EveryDistanceCountsOnce) {
+  WireDistances distances = sweep_wires(two_halves(60, 29.4, 0.611, 0.747), 5, 0.05, 11);
+  for (std::size_t volume = 1; volume < 5; ++volume)
+    for (std::size_t frame = 0; frame < 60; ++frame)
+      if (frame % 7 != 0 && frame < 45) distances.volumes[volume][frame] = kNaN;
+  const MotorCalibration result = calibrate_motor(distances, {}, "wires.csv");
+  const auto cost = [&](double zero_frame, double before_rad, double after_rad) {
+    double sum = 0.0;
+    for (const std::vector<double>& volume : distances.volumes)
+      for (std::size_t frame = 0; frame < volume.size(); ++frame) {
+        const double from_zero = static_cast<double>(frame) - zero_frame;
+        const double angle = from_zero * (from_zero < 0.0 ? before_rad : after_rad);
+        if (!std::isnan(volume[frame]))
+          sum += std::pow(volume[frame] - distances.true_distance_mm / std::cos(angle), 2.0);
+      }
+    return sum;
+  };
+  const double zero = result.zero_frame;
+  const double before = result.before.step_rad;
+  const double after = result.after.step_rad;
+  const double least = cost(zero, before, after);
+  for (const double sign : {-1.0, 1.0}) {
+    EXPECT_GT(cost(zero + sign * 1e-3, before, after), least);
+    EXPECT_GT(cost(zero, before + sign * 1e-6, after), least);
+    EXPECT_GT(cost(zero, before, after + sign * 1e-6), least);
+  }
+}
+
 // Without noise every table is returned exactly, whatever the sweep, from either direction.
 RC_GTEST_PROP(MotorCalibration, IsExactWithoutNoise, ()) {
   const int frames = integer(20, 150);
@@ -104,6 +134,8 @@ RC_GTEST_PROP(MotorCalibration, IsExactWithoutNoise, ()) {
     distances.volumes[0][static_cast<std::size_t>(integer(0, frames))] = kNaN;
   const MotorCalibration result = calibrate_motor(distances, options, "wires.csv");
   const double sense = options.rising ? 1.0 : -1.0;
+  RC_ASSERT(std::abs(result.before.step_rad - sense * (truth[1] - truth[0])) < 1e-6);
+  RC_ASSERT(std::abs(result.after.step_rad - sense * (truth.end()[-1] - truth.end()[-2])) < 1e-6);
   for (std::size_t frame = 0; frame < truth.size(); ++frame) {
     RC_ASSERT(std::abs(result.frame_angles_rad[frame] - sense * truth[frame]) < 1e-6);
     const SliceAngle& slice = result.slices[frame];

@@ -77,6 +77,27 @@ TEST(ProbeMotion, OfAGeometryIsThatOfItsBeams) {
       }
 }
 
+/// Without them a lag between images and poses could no longer be corrected.
+TEST(ProbeMotion, ATrackedSweepKeepsTheTimesOfItsFrames) {
+  const std::vector<double> times_s{0.0, 0.05, 0.2};
+  const std::vector<Isometry3d> still(3, Isometry3d::Identity());
+  const ScanGeometry tracked{
+      {11, 3.0, 7.0}, LinearArray{{-5.0, 0.0, 5.0}}, TrackedSweep{still, times_s}};
+  EXPECT_EQ(std::get<TrackedSweep>(follow_probe(still, tracked).motion).frame_times_s, times_s);
+}
+
+/// The motor travels by 0.02 rad while a frame is acquired, and is at its angle in the middle of
+/// it.
+TEST(ProbeMotion, AFrameOfAMovingMotorGetsThePoseOfItsMiddle) {
+  const ScanGeometry followed =
+      follow_probe({Isometry3d::Identity(), Isometry3d::Identity()}, sweep({-0.1, 0.2}));
+  const auto& poses = std::get<TrackedSweep>(followed.motion).T_us_frame;
+  ASSERT_EQ(poses.size(), 2U);
+  for (const auto& [pose, angle_rad] : {std::pair(poses[0], -0.1), std::pair(poses[1], 0.2)})
+    EXPECT_TRUE(
+        pose.isApprox(T_us_frame_at_motor_angle(kProbeRadiusMm, kMotorRadiusMm, angle_rad), 1e-12));
+}
+
 TEST(ProbeMotion, NeedsOnePosePerFrame) {
   BeamGrid grid = beam_grid(sweep({-0.1, 0.0, 0.1}));
   EXPECT_THROW(follow_probe({Isometry3d::Identity()}, grid), InputError);

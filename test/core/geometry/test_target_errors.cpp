@@ -197,6 +197,7 @@ TEST(TargetErrors, RefuseWhatIsNoInput) {
   };
   refuse(3, 3, nan, "finite");
   refuse(3, 3, -1.0, "semidefinite");
+  refuse(0, 0, -1e-8, "negative variance");  // of angles in rad: they are that small
   refuse(1, 4, 0.5, "symmetric");
   expect_input_error(
       [] {

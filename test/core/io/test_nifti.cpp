@@ -131,6 +131,23 @@ TEST_F(Nifti, AxesOfATiltedCtComeBackFromEitherForm) {
     }
 }
 
+/// The header holds no real part of the quaternion, which its readers take as positive: that of a
+/// large turn may come out negative, and the axes would be turned the other way.
+TEST_F(Nifti, AxesThatAreTurnedFarComeBackFromEitherForm) {
+  Grid grid = test::example_grids().front().grid;
+  const Eigen::Matrix3d to_ras = Eigen::Vector3d(-1.0, -1.0, 1.0).asDiagonal();
+  for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(-1, -2, -3),
+                                      Eigen::Vector3d(3, -1, 2), Eigen::Vector3d(-3, 1, -2)}) {
+    grid.direction = to_ras * Eigen::AngleAxisd(radians(160.0), axis.normalized()).matrix();
+    write_volume(CtVolume(grid), path_);
+    expect_near_grid(read_volume_info(path_).grid, grid, 1e-3);
+    std::string bytes = test::read_text(path_);
+    bytes.replace(254, 2, 2, '\0');  // sform_code
+    write_text(path_, bytes);
+    expect_near_grid(read_volume_info(path_).grid, grid, 1e-3);
+  }
+}
+
 TEST_F(Nifti, UnitsOfLength) {
   EXPECT_LT((read(NiftiFile().put(123, std::uint8_t{3})).grid.origin_mm -
              Eigen::Vector3d(-0.010, -0.020, 0.030))
@@ -193,6 +210,7 @@ TEST_F(Nifti, NamesWhatIsWrongInTheHeader) {
   expect_refused(NiftiFile().put(108, 0.0F), {"'vox_offset'", ">= 352"});
   expect_refused(NiftiFile().put(108, 1e30F), {"'vox_offset'", "<= 2^31"});
   expect_refused(NiftiFile().put(108, NAN), {"'vox_offset'", "nan"});
+  expect_refused(NiftiFile().put(108, 352.5F), {"'vox_offset'", "whole number"});
   expect_refused(NiftiFile().put(112, 2.0F).put(116, NAN), {"'scl_inter'", "nan"});
   expect_refused(NiftiFile().put(254, std::int16_t{0}), {"'qform_code'", "both 0"});
   expect_refused(NiftiFile().put(280, NAN), {"'srow'", "nan"});

@@ -42,6 +42,19 @@ TEST(Nrrd, RasAndBigEndianAsTheFormatDefinesThem) {
   expect_near_grid(grid_of(test::read_by_itk(path)), volume.grid, 1e-9);
 }
 
+/// Left stays left and superior stays superior.
+TEST(Nrrd, LasIsMirroredInOneAxis) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.nrrd";
+  for (const char* las : {"left-anterior-superior", "LAS"}) {
+    write_text(path, replaced(kNrrd, "right-anterior-superior", las) + kBigEndianVoxels);
+    const CtVolume volume = read_volume<std::int16_t>(path);
+    EXPECT_EQ(volume.voxels, kVoxels);
+    EXPECT_EQ(volume.grid.origin_mm, Eigen::Vector3d(10, -20, 30));
+    EXPECT_EQ(volume.grid.physical_from_index({1, 1, 1}), Eigen::Vector3d(9, -22, 33));
+  }
+}
+
 TEST(Nrrd, DetachedDataWithBytesBefore) {
   const TemporaryFolder folder;
   const fs::path header = folder.path() / "a.nhdr";
@@ -83,6 +96,7 @@ TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
        {"type: short", "type: block", {"'type'", "block"}},
        {"encoding: raw", "encoding: bzip2", {"'encoding'", "bzip2"}},
        {"encoding: raw", "encoding: gzip", {"damaged"}},
+       {"encoding: raw", "encoding: gzip\nbyte skip: 3", {"'byte skip'", "compressed"}},
        {"endian: big\n", "", {"'endian'", "missing"}},
        {"space: right-anterior-superior\n", "", {"'space'", "missing"}},
        {"right-anterior-superior", "scanner-xyz", {"'space'", "scanner-xyz"}},
@@ -163,6 +177,9 @@ TEST(MetaImage, NamesWhatIsWrongInTheHeader) {
        {"TransformMatrix = 0 1 0 0 0 1 1 0 0\n", "", {"'TransformMatrix'", "missing"}},
        {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0.1 0", {"'TransformMatrix'"}},
        {"0 1 0 0 0 1 1 0 0", "0 1 0 0 0 1 1 0", {"'TransformMatrix'", "9 numbers"}},
+       {"0 1 0 0 0 1 1 0 0", "0 2 0 0 0 1 1 0 0", {"'TransformMatrix'", "unit vectors"}},
+       {"NDims = 3", "NDims = 3\nDistanceUnits = cm", {"'DistanceUnits'", "cm", "mm"}},
+       {"NDims = 3", "NDims = 3\nHeaderSize = 400", {"'HeaderSize'", "400"}},
        {"Offset = 10 20 30\n", "", {"'Offset'", "missing"}},
        {"MET_SHORT",
         "MET_LONG",

@@ -209,6 +209,16 @@ TEST(AlignmentDecisions, AResultThatComesAgainDoesNotUndoADecision) {
   EXPECT_FALSE(broadcast(decisions).restored);
 }
 
+/// A latched topic or a bag that is played again sends it once more.
+TEST(AlignmentDecisions, ARejectedResultThatComesAgainDoesNotWaitAgain) {
+  AlignmentDecisions decisions(confirm());
+  decisions.offer(registered(1), kNow);
+  decisions.reject(1);
+  EXPECT_EQ(decisions.offer(registered(1), kNow).code, Code::kNothingToDecide);
+  EXPECT_EQ(decisions.state().waiting_id, 0U);
+  EXPECT_EQ(decisions.stored().decided, registered(1).digest);
+}
+
 TEST(AlignmentDecisions, ARestoredAlignmentCountsOnceItsCtIsHeld) {
   AlignmentDecisions decisions(confirm());
   EXPECT_EQ(decisions.restore(stored_by_another_process(), kNow).code, Code::kDone);
@@ -400,6 +410,8 @@ TEST(AlignmentDecisions, ARestoredAlignmentThatNeverCountedIsNothingToGoBackToAn
   EXPECT_EQ(decisions.offer(result, kNow).code, Code::kDone);
   EXPECT_EQ(broadcast(decisions).fixed_frame, "table");
   EXPECT_EQ(decisions.revert().code, Code::kDone);
+  EXPECT_FALSE(decisions.state().broadcast);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
   EXPECT_FALSE(decisions.state().broadcast);
 }
 

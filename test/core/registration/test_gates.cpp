@@ -60,6 +60,19 @@ TEST(Gates, AGateIsSwitchedOffByName) {
   EXPECT_TRUE(judge(measures, limits));
 }
 
+/// A limit beyond what its measure can be would switch its gate off, or refuse every pose.
+TEST(Gates, ALimitOutsideOfItsMeasureIsRefused) {
+  for (const double limit : {-0.1, 1.1, kNan}) {
+    GateLimits limits;
+    limits.min_overlap = limit;
+    expect_input_error([&] { limits.validate("gates"); }, {"gates", "'min_overlap'", "[0, 1]"});
+    limits = {};
+    limits.max_wrong_probability = limit;
+    expect_input_error([&] { limits.validate("gates"); },
+                       {"gates", "'max_wrong_probability'", "[0, 1]"});
+  }
+}
+
 TEST(Gates, WithNoneOfThemNothingIsRefused) {
   EXPECT_FALSE(judge(Measures{}, GateLimits::none()));
   Measures measures;

@@ -345,6 +345,64 @@ TEST(RightProbability, OtherMeasuresAreNoEvidence) {
   EXPECT_EQ(right_probability(measures)->all(), before);
 }
 
+/// Nothing says that a trend goes on where the calibration has seen nothing.
+TEST(RightProbability, WhatLiesFarBeyondTheCalibrationCountsNoMore) {
+  struct Far {
+    std::optional<double> Measures::*value;
+    double far, farther;
+  };
+  Measures moved = middling_of_many_blocks();  // far from sure, whatever its blocks gain
+  moved.tissue_motion_mm = 4.0;
+  for (const Far& e : {Far{&Measures::mirror_ratio, 10.0, 1000.0},
+                       {&Measures::mirror_ratio, 0.1, 0.001},
+                       {&Measures::mirror_advantage, 50.0, 500.0},
+                       {&Measures::mirror_advantage, -50.0, -500.0},
+                       {&Measures::rival_ratio, 10.0, 1000.0},
+                       {&Measures::rival_ratio, 0.1, 0.001},
+                       {&Measures::rival_advantage, 50.0, 500.0},
+                       {&Measures::local_advantage, 50.0, 500.0},
+                       {&Measures::local_advantage, -50.0, -500.0},
+                       {&Measures::parts_mm, 20.0, 200.0}})
+    for (Measures measures : {middling(), middling_of_many_blocks(), moved}) {
+      measures.*e.value = e.far;
+      const RightProbability far = right_probability(measures).value();
+      measures.*e.value = e.farther;
+      const RightProbability farther = right_probability(measures).value();
+      EXPECT_EQ(far.mirrors, farther.mirrors) << e.farther;
+      EXPECT_EQ(far.chance, farther.chance) << e.farther;
+      EXPECT_EQ(far.anatomy, farther.anatomy) << e.farther;
+    }
+}
+
+/// A pose that fits far better than its mirror images is not mirrored, even if blocks agree with
+/// those as much.
+TEST(RightProbability, AgreementOfMirrorImagesTakesNothingFromAClearlyBetterFit) {
+  Measures measures = strong_measures();
+  const double before = right_probability(measures)->mirrors;
+  EXPECT_GT(before, 0.99);
+  measures.mirror_agreement = measures.local_agreement;
+  EXPECT_EQ(right_probability(measures)->mirrors, before);
+}
+
+/// Wide groups see 0.4 mm less of a motion of tissue than small ones.
+TEST(RightProbability, WideGroupsMustLieClearlyStillerThanSmallOnes) {
+  Measures measures = middling_of_many_blocks();
+  const double by_small = right_probability(measures)->anatomy;
+  measures.wide_motion_mm = *measures.tissue_motion_mm - 0.3;
+  EXPECT_EQ(right_probability(measures)->anatomy, by_small);
+  measures.wide_motion_mm = *measures.tissue_motion_mm - 0.5;
+  EXPECT_GT(right_probability(measures)->anatomy, by_small);
+}
+
+/// Blocks that agree by no more than chance gives show no anatomy, however little those of mirror
+/// images do.
+TEST(RightProbability, MoreThanMirrorImagesIsNothingWhereBlocksHardlyAgree) {
+  Measures measures = middling_of_many_blocks();
+  measures.local_agreement = 0.01;
+  measures.mirror_agreement = 0.0;
+  EXPECT_LT(right_probability(measures)->anatomy, 0.1);
+}
+
 /// Whether the gates accept measures of this evidence.
 bool is_accepted(Measures measures) {
   measures.overlap = 1.0;

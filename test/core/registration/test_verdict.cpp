@@ -166,6 +166,46 @@ TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
                 "fits better if its depths are 7 % larger"});
 }
 
+/// The unevenness is added after the middle frame, and taken off before it.
+TEST(Verdict, ASweepThatIsWrongOnOneSideIsNamedWithThatSide) {
+  Assessment assessment = strong();
+  assessment.measures.errors_ratio = 1.1;
+  assessment.measures.errors_advantage = 5.0;
+  assessment.measures.depth_error = 0.0;
+  const auto message = [&](double sweep, double unevenness) {
+    assessment.measures.sweep_error = sweep;
+    assessment.measures.sweep_unevenness = unevenness;
+    return result_of(two_optima(), refined(), assessment, std::nullopt).message;
+  };
+  const auto expect_words = [](const std::string& found, const std::string& words) {
+    EXPECT_NE(found.find("its frames lie " + words + ": check the motor's step"), std::string::npos)
+        << found;
+  };
+  expect_words(message(0.10, 0.04),
+               "6 % farther apart before the middle of the sweep and 14 % farther apart after it");
+  expect_words(
+      message(0.02, -0.08),
+      "10 % farther apart before the middle of the sweep and 6 % closer together after it");
+  expect_words(message(-0.1, 0.01), "10 % closer together");
+}
+
+/// A sweep that was corrected by 8 % and still looks 1 % too short is 9 % too short as recorded.
+TEST(Verdict, ACorrectedSweepIsToldWithWhatIsLeft) {
+  RegistrationResult result;
+  result.message = "all gates passed";
+  registration::tell_corrected_sweep({}, result);
+  EXPECT_EQ(result.message, "all gates passed");
+  EXPECT_FALSE(result.measures.sweep_error || result.measures.sweep_unevenness);
+  result.measures.sweep_error = 0.01;
+  registration::tell_corrected_sweep({0.0, 0.08, -0.05}, result);
+  EXPECT_NEAR(*result.measures.sweep_error, 0.09, 1e-12);
+  EXPECT_NEAR(*result.measures.sweep_unevenness, -0.05, 1e-12);
+  EXPECT_NE(result.message.find("the frames were taken to lie 13 % farther apart before the middle "
+                                "of the sweep and 3 % farther apart after it"),
+            std::string::npos)
+      << result.message;
+}
+
 TEST(Verdict, TheWeakestEvidenceGivesTheReason) {
   Assessment assessment = mirrored(Mirror::kLines, 0.7, -9.0);
   assessment.measures.local_agreement = 0.3;
@@ -189,7 +229,10 @@ TEST(Verdict, TooLittleOverlapNeedsNoFurtherReason) {
 /// The pose that was judged comes first, accepted or not, and only an accepted one is a transform.
 TEST(Verdict, ResultsListThePoseThatWasJudgedAndTheOtherOptima) {
   const std::vector<Candidate> optima = two_optima();
-  const RegistrationResult accepted = result_of(optima, refined(), strong(), std::nullopt);
+  Assessment assessment = strong();
+  assessment.covariance = 0.25 * Eigen::Matrix<double, 6, 6>::Identity();
+  const RegistrationResult accepted = result_of(optima, refined(), assessment, std::nullopt);
+  EXPECT_EQ(accepted.covariance, assessment.covariance);
   EXPECT_EQ(accepted.status, RegistrationStatus::kRegistered);
   ASSERT_TRUE(accepted.T_us_ct);
   EXPECT_EQ(accepted.T_us_ct->matrix(), refined().T_us_ct.matrix());

@@ -53,6 +53,25 @@ TEST(CalibrateMotor, WritesAProbeWithTheMeasuredAngles) {
   EXPECT_NEAR(after.motor->frame_angles_rad.back(), 40 * 0.747 * kDegree, 0.3 * kDegree);
 }
 
+/// The same wires, seen with a speed of sound that is 2 % too high by a sweep towards smaller
+/// angles whose last nine frames show no wires.
+TEST(CalibrateMotor, FollowsTheSweepThatItsOptionsDescribe) {
+  const TemporaryFolder folder;
+  const std::filesystem::path output = folder.path() / "calibrated.yaml";
+  const Outcome outcome = run_usct(
+      {"calibrate-motor", "--wire-distances", write_wires(folder.path()).string(),
+       "--true-distance-mm", std::to_string(25.0 / 1.02), "--falling", "--fit-distance", "--frames",
+       "90", "--probe", probe_yaml("4dc7-3_40.yaml"), "--output", output.string()});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  const std::size_t ratio = outcome.output.find(" mm, ");
+  ASSERT_NE(ratio, std::string::npos) << outcome.output;
+  EXPECT_NEAR(std::stod(outcome.output.substr(ratio + 5)), 1.02, 0.002);
+  const ProbeConfig after = read_probe_config(output);
+  ASSERT_EQ(after.motor->frame_angles_rad.size(), 90U);
+  EXPECT_NEAR(after.motor->frame_angles_rad.front(), 40 * 0.611 * kDegree, 0.3 * kDegree);
+  EXPECT_NEAR(after.motor->frame_angles_rad.back(), -49 * 0.747 * kDegree, 0.4 * kDegree);
+}
+
 TEST(CalibrateMotor, RefusesWithStatusTwoAndWritesNothing) {
   const TemporaryFolder folder;
   const std::string wires = write_wires(folder.path()).string();

@@ -269,6 +269,7 @@ TEST_F(Register, AllOrientationsNeedStarts) {
   const RegistrationResult result = read_result(path("result.json"));
   EXPECT_EQ(result.options.at("search.starts.region"), "ball");
   EXPECT_EQ(result.options.at("search.starts.rotation_deg"), "180");
+  EXPECT_EQ(result.options.at("search.starts.count"), "64");  // twice as many, for they lie wider
 }
 
 TEST_F(Register, ARefusalEndsWithStatusThreeAndLeavesAnExistingTransform) {
@@ -319,6 +320,7 @@ TEST_F(Register, BadInputIsNamedAndNothingIsWritten) {
   expect_refused({"--initial", initial, "--beam-axis", "+x"},
                  "--beam-axis: is given, must be left out unless");
   expect_refused({"--initial", initial, "--threads", "0"}, "--threads");
+  expect_refused({"--initial", initial, "--series", "1.2"}, "DICOM");
   expect_refused({"--initial", initial, "--seed", "-1"}, "--seed");
   std::ofstream(path("scaled.tfm"))
       << "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
