@@ -29,6 +29,19 @@ def declared(path):
     return names
 
 
+# The arguments of registration.launch, and the parameters that they set.
+SET_BY = {
+    "fixed_frame": ("registration/fixed_frame", "tf_publisher/fixed_frame", "us_cloud/fixed_frame", "fusion_view/fixed_frame"),
+    "ct": ("ct_server/path",), "ct_labels": ("ct_server/labels",), "data_root": ("ct_server/data_root",),
+    "ct_frame": ("ct_server/ct_frame",), "preset": ("registration/preset",), "policy": ("tf_publisher/policy",),
+    "restore": ("tf_publisher/restore",), "alignment_file": ("tf_publisher/alignment_file",),
+    "proposed_frame": ("tf_publisher/proposed_frame",), "us_frame": ("us_ingest/frame_id",),
+    "acquired_frame": ("us_cloud/acquired_frame",), "field_frame": ("us_cloud/field_frame",),
+    "save_root": ("fusion_view/save_root",),
+}
+REMAPPED_BY = {"image_topic": ("us_ingest", "us/image"), "centre_topic": ("fusion_view", "fusion/centre")}
+
+
 class LaunchFiles(unittest.TestCase):
     def test_parameters_of_earlier_launches_are_cleared(self):
         seen = set()
@@ -54,6 +67,32 @@ class LaunchFiles(unittest.TestCase):
                                 ("workstation.launch", of_ultrasound | of_tf | of_rviz)):
             missing = whole - elsewhere - declared(PROJECT / "launch" / name)
             self.assertEqual(missing, set(), name)
+
+    def test_each_argument_sets_its_parameters(self):
+        seen = set()
+        for name, *arguments in (("registration.launch", "run_us_cloud:=true", "run_fusion_view:=true"),
+                                 ("registration.launch", "nodelet:=true", "run_us_cloud:=true", "run_fusion_view:=true"),
+                                 ("integration.launch", "robot_description:=" + str(PROJECT / "urdf/integration.urdf")),
+                                 ("robot.launch",), ("workstation.launch",)):
+            values = {arg: "value_of_" + arg for arg in {**SET_BY, **REMAPPED_BY}.keys() & declared(PROJECT / "launch" / name)}
+            config = loaded(name, *arguments, *(f"{arg}:={value}" for arg, value in values.items()))
+            nodes = {node.name: dict(node.remap_args) for node in config.nodes}
+            for arg, value in values.items():
+                for parameter in SET_BY.get(arg, ()):
+                    if parameter.split("/")[0] in nodes:
+                        self.assertEqual(config.params["/" + parameter].value, value, f"{name}: {arg}")
+                        seen.add(parameter)
+                if arg in REMAPPED_BY and REMAPPED_BY[arg][0] in nodes:
+                    node, topic = REMAPPED_BY[arg]
+                    self.assertEqual(nodes[node][topic], value, f"{name}: {arg}")
+        self.assertEqual(seen, {parameter for parameters in SET_BY.values() for parameter in parameters})
+
+    def test_a_person_decides_unless_somebody_says_otherwise(self):
+        for name, *arguments in (("registration.launch",), ("robot.launch",),
+                                 ("integration.launch", "robot_description:=" + str(PROJECT / "urdf/integration.urdf"))):
+            config = loaded(name, *arguments)
+            for parameter in ("policy", "restore"):
+                self.assertEqual(config.params["/tf_publisher/" + parameter].value, "confirm", name)
 
 
 if __name__ == "__main__":

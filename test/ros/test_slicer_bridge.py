@@ -189,6 +189,8 @@ class SlicerBridge(TfPublisherCase):
         self.command("accept", "needs the number")
         self.command("accept 0", "needs the number")
         self.command("accept 7", f"result {number} waits")
+        self.command(f"accept {number} 7", "needs the number")
+        self.command("revert 7", "must be")
         self.command("format c:", "must be")
         self.assertIsNone(self.tf_at(rospy.Time(0)))
         # As of a client of the protocol's version 3.
@@ -222,13 +224,18 @@ class SlicerBridge(TfPublisherCase):
     def test_sends_nothing_when_tf_has_nothing_new_as_nodelet(self):
         axis, angle = (0, 0, 1), 0.2
         self.send_tf_of_us(pose((0, 0, 100), axis, angle), axis, angle)
-        publisher = self.start_publisher(policy="auto")
+        publisher = self.start_publisher(policy="auto", alignment_file=self.file)
         self.result(1, 0.25)
         self.client.wait("TRANSFORM", "ct_to_us", lambda _: True)
         # tf_publisher dies, and its last latched word remains that the alignment is broadcast.
         publisher.kill()
         self.client.wait("STATUS", "registration_status",
                          lambda s: s[0] == STATUS_NOT_READY and "max_tf_age" in s[1], 20)
+        # Whoever looks at Slicer alone must learn that the alignment is from before the restart.
+        self.hold_ct(CT_CRC32)
+        self.start_publisher(policy="auto", alignment_file=self.file, restore="same_ct")
+        self.client.wait("STATUS", "registration_status",
+                         lambda s: s[0] == STATUS_OK and "RESTORED: the patient may have moved" in s[1])
 
     def test_landmarks_become_the_initial_alignment(self):
         requests = []

@@ -215,6 +215,30 @@ class TfFaults(TfPublisherCase):
         self.wait_tf(0.25)
         self.assertEqual(self.alignment.message.state, Alignment.ACCEPTED)
 
+    def test_what_waits_is_not_shown_in_a_frame_that_is_in_use(self):
+        self.start_publisher(policy="confirm", proposed_frame=self.ct)
+        self.result(1, 0.25)
+        self.wait_waiting(1)
+        self.assertEqual(self.decide("accept", 1).code, StatusCode.OK)
+        self.wait_tf(0.25)
+        look_ups = LookUps(self)
+        self.result(2, 9.0)
+        self.wait_waiting(2)
+        time.sleep(0.5)
+        look_ups.stop()
+        self.assertEqual({x for _, x in look_ups.seen}, {0.25})
+
+    def test_what_waits_leaves_its_frame_to_another_publisher(self):
+        self.start_publisher(policy="confirm")
+        other = tf2_ros.TransformBroadcaster()
+        self.wait_heard(other)
+        self.result(1, 0.25)
+        self.wait_proposed(1, 0.25)
+        other.sendTransform(self.foreign(self.fixed, self.proposed))
+        wait_for(lambda: self.tf_at(rospy.Time.now(), self.proposed) is None, "the proposed frame to end")
+        self.assertEqual(self.decide("accept", 1).code, StatusCode.OK)
+        self.wait_tf(0.25)
+
     def test_a_loop_is_refused(self):
         self.start_publisher(policy="confirm")
         static = tf2_ros.StaticTransformBroadcaster()

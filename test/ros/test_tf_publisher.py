@@ -26,6 +26,8 @@ class TfPublisher(TfPublisherCase):
         message = self.wait_waiting(1)
         self.assertEqual(message.state, Alignment.NONE)
         self.wait_proposed(1, 0.25)
+        late = Newest(self.namespace + "/registration/proposed", Alignment)
+        late.wait(lambda m: m.state == Alignment.PROPOSED, "what waits, for who listens later")
         self.assertIsNone(self.tf_at(rospy.Time(0)))
 
         answer = self.decide("accept", 7)
@@ -163,6 +165,8 @@ class TfPublisher(TfPublisherCase):
         expected[7], expected[11], expected[31], expected[35] = 0.04e-6, -0.2e-6, -0.2e-6, 1e-6
         for found, right in zip(pose.pose.covariance, expected):
             self.assertAlmostEqual(found, right, delta=1e-12)
+        late = Newest(self.namespace + "/registration/pose", PoseWithCovarianceStamped)
+        self.assertEqual(late.wait(lambda m: True, "the pose, for who listens later").pose, pose.pose)
         # What holds no more is said by nobody, whenever one begins to listen.
         self.assertEqual(self.decide("revert").code, StatusCode.OK)
         late = Newest(self.namespace + "/registration/pose", PoseWithCovarianceStamped)
@@ -195,6 +199,7 @@ class TfPublisher(TfPublisherCase):
         self.assertIn("waits for its CT or accept", message.message)
         self.hold_ct(OTHER_CT_CRC32)
         self.alignment.wait(lambda m: "another CT" in m.message, "the other CT to be seen")
+        self.diagnosis(lambda s: s.level == s.WARN and "another CT" in s.message, "a warning of the other CT")
         self.assertEqual(self.decide_on_kept("accept").code, StatusCode.INVALID_REQUEST)
         self.assertIsNone(self.tf_at(rospy.Time.now()))
         self.hold_ct(CT_CRC32, "other_frame")
@@ -202,6 +207,8 @@ class TfPublisher(TfPublisherCase):
         self.hold_ct(CT_CRC32)
         message = self.wait_state(Alignment.RESTORED)
         self.wait_tf(0.25)
+        self.diagnosis(lambda s: s.level == s.WARN and "before the restart is broadcast" in s.message,
+                       "a warning of what is restored")
         self.assertEqual(message.transform, before.transform)
         self.assertEqual(message.header.stamp, before.header.stamp)
         self.assertEqual(message.accepted, before.accepted)

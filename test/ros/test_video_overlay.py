@@ -411,6 +411,9 @@ class VideoOverlay(unittest.TestCase):
         status = wait_for(lambda: self.statuses.get((self.camera, stamp)), "the status of the image")
         self.assertEqual(status.state, OverlayStatus.NOTHING)
         self.assertIn("changed while the image was drawn", status.message)
+        # What had been drawn by then is no longer told either.
+        self.assertEqual((list(status.in_view), status.result_id), ([], 0))
+        self.assertTrue(math.isnan(status.error_bound))
         image = wait_for(lambda: self.images[""].get(stamp), "the image")
         self.assertTrue((self.pixels(image)[80:] == GREY).all())
 
@@ -419,6 +422,7 @@ class VideoOverlay(unittest.TestCase):
         self.align()
         self.show_surfaces()
         self.refused("no camera_info of the left camera", side="right/", baseline_m=BASELINE_M)
+        self.refused("OUT OF STEP: no image of the left camera", side="right/", baseline_m=BASELINE_M)
         left, right = self.pair_of_overlays()
         # Points at the depth of the tumour; the distortion is small near the centre.
         disparity = FOCAL * BASELINE_M / (DEPTH_M - 0.005)
@@ -529,6 +533,10 @@ class VideoOverlay(unittest.TestCase):
                           if any(v.key == "images with overlay" and int(v.value) > 0 for v in found[own].values)
                           else None, "a count of images")
         self.assertGreater(float(values["latency (ms)"]), 0.0)
+        self.align(Alignment.NONE, message="reverted")
+        self.refused("no alignment: reverted")
+        status = wait_for(lambda: found[own] if "nothing is drawn" in found[own].message else None, "the refusal to be told")
+        self.assertEqual(status.level, status.ERROR)
 
     def test_shipped_configuration_and_launch_file(self):
         with open(os.path.join(FOLDER, "../../config/nodes/video_overlay.yaml")) as stream:

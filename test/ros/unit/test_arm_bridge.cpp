@@ -306,6 +306,36 @@ TEST_F(ArmBridgeTest, AClockThatRunsBackBeginsAnew) {
   EXPECT_TRUE(arm.take(pose(50.0, T_), ::ros::Time(50.1)));
 }
 
+TEST_F(ArmBridgeTest, AClockThatRunsBackForgetsWhatJointsWereComparedWith) {
+  ArmBridge arm = of_joints();
+  arm.take(pose(99.9, T_base_tip(q_, 10.2)), now_);
+  EXPECT_TRUE(arm.take(joints(99.9, q_), now_));
+  // The comparison of the time before says nothing of this robot now.
+  EXPECT_FALSE(arm.take(joints(50.0, q_), ::ros::Time(50.0))) << "not compared yet";
+  EXPECT_FALSE(arm.take(pose(50.05, T_base_tip(q_, 10.2)), ::ros::Time(50.05)));
+  EXPECT_TRUE(arm.take(joints(50.05, q_), ::ros::Time(50.05)));
+  // A contradiction of the time before is forgotten as well.
+  arm.take(pose(50.1, T_base_tip(q_, 15.2)), ::ros::Time(50.1));
+  EXPECT_THAT(refusal([&] { arm.take(joints(50.1, q_), ::ros::Time(50.1)); }),
+              HasSubstr("contradicts"));
+  EXPECT_FALSE(arm.take(joints(20.0, q_), ::ros::Time(20.0)));
+}
+
+TEST_F(ArmBridgeTest, JointsThatContradictThePoseByAnAngleAloneAreRefused) {
+  ArmBridge arm = of_joints();
+  const Isometry3d T_turned = T_base_tip(q_, 10.2) * AngleAxisd(0.1, Vector3d::UnitZ());
+  arm.take(pose(99.9, T_turned), now_);
+  EXPECT_THAT(refusal([&] { arm.take(joints(99.9, q_), now_); }),
+              HasSubstr("joints and model have the tip 0.0 mm and 5.7 degrees"));
+}
+
+TEST_F(ArmBridgeTest, TheSameJointsAgainAreNotPublishedAgain) {
+  ArmBridge arm = of_joints();
+  arm.take(pose(99.9, T_base_tip(q_, 10.2)), now_);
+  EXPECT_TRUE(arm.take(joints(99.9, q_), now_));
+  EXPECT_FALSE(arm.take(joints(99.9, q_), now_));
+}
+
 /// The report tells of the topic that tf depends on: while its joints are silent, an arm whose
 /// poses arrive is not connected.
 TEST_F(ArmBridgeTest, TheReportIsThatOfTheTopicThatLeads) {

@@ -228,6 +228,26 @@ TEST_F(FixedFrameTest, OlderTransformCountsAsFarAsAllowed) {
   EXPECT_EQ(refusal(100.01).code(), Status::TF_STALE);
 }
 
+/// The frames that tf has not reached yet are then seen from where the probe was last.
+TEST_F(FixedFrameTest, OlderTransformCountsForTheLastFramesOfASweepToo) {
+  know(95.0, pose(0.0));
+  know(99.75, pose(0.0));
+  options_.max_tf_age_s = 0.25;
+  EXPECT_EQ(sweep_refusal(sweep_stamps()).code(), Status::OK);
+}
+
+/// tf takes the time 0 for the newest transform, and there the probe is elsewhere.
+TEST_F(FixedFrameTest, NothingIsAskedOfTfBeforeTimeBegins) {
+  options_.jump_window_s = 0.2;
+  options_.sweep_duration_s = 0.5;
+  know(1e-9, pose(0.0));
+  know(1.0, pose(0.0));
+  know(2.0, pose(50.0));
+  EXPECT_EQ(refusal(0.1).code(), Status::OK);
+  BeamGrid beams = sweep_beams();
+  EXPECT_EQ(frame().compensate(us_at(0.1), frame().look_up(us_at(0.1)), {}, beams), 0.0);
+}
+
 TEST_F(FixedFrameTest, IsCompleteOnceTfIsPastTheWindow) {
   options_.jump_window_s = 0.2;
   know(99.0, pose(0.0));

@@ -319,6 +319,11 @@ TEST_F(HeldVolumesTest, CtIsNewestUntilAnotherArrives) {
   EXPECT_TRUE(volumes().is_newest(*first));
   volumes().arrived(msg::CtVolume::ConstPtr(ct_message(2)), kNow);
   EXPECT_FALSE(volumes().is_newest(*first));
+  // A ct_server on another machine, or in a loop of a bag, may count its revisions anew.
+  auto other = ct_message(3);
+  other->revision = 1;
+  volumes().arrived(msg::CtVolume::ConstPtr(other), kNow);
+  EXPECT_FALSE(volumes().is_newest(*first));
 }
 
 TEST_F(HeldVolumesTest, StampsFarAheadOfTheClockAreRefused) {
@@ -389,6 +394,12 @@ TEST_F(CtAndUltrasound, TheSameVoxelsKeepTheirFirstStamp) {
   EXPECT_EQ(ct_->revision, 2U);
   EXPECT_EQ(ct_->header.stamp, ::ros::Time(100.0));
   EXPECT_FALSE(is_older(*us_, *ct_));
+  // In another frame it is another CT: an alignment of the first does not hold for it.
+  auto renamed = ct_message(5);
+  renamed->revision = 9;
+  renamed->header = header("ct_of_last_month", 115.0);
+  volumes().arrived(msg::CtVolume::ConstPtr(renamed), ::ros::Time(115.0));
+  EXPECT_EQ(volumes().ct(never)->header.stamp, ::ros::Time(115.0));
   // With another CT in between, the ultrasound may be that of the other patient.
   load_ct(6, 3, 120.0, 120.0);
   EXPECT_TRUE(is_older(*us_, *ct_));
@@ -410,6 +421,23 @@ TEST_F(CtAndUltrasound, AfterTimeRanBackTheCtWasThereBefore) {
   load_ct(6, 2, 100.0, 104.0);
   EXPECT_TRUE(is_older(*of_first_loop, *ct_));
   EXPECT_FALSE(is_older(*of_second_loop, *ct_));
+}
+
+/// As of a ct_server that starts again in a later loop of a bag.
+TEST_F(CtAndUltrasound, TheSameVoxelsWereThereBeforeTimeRanBack) {
+  load_ct(5, 1, 105.0, 105.0);
+  EXPECT_FALSE(is_outdated(110.0, 110.0));
+  EXPECT_FALSE(is_outdated(103.0, 103.0));
+  load_ct(5, 2, 104.0, 104.0);
+  EXPECT_FALSE(is_older(*us_, *ct_));
+}
+
+/// It was acquired while the CT was there, and arrives only after the clock was set back.
+TEST_F(CtAndUltrasound, UltrasoundThatArrivesAfterTheClockWasSetBackMayBeFromBefore) {
+  load_ct(5, 1, 100.0, 110.0);
+  volumes().notice_time(::ros::Time(103.0));
+  EXPECT_FALSE(is_outdated(101.0, 103.2));
+  EXPECT_TRUE(is_outdated(99.0, 103.3));
 }
 
 class HeldVolumesWithTf : public HeldVolumesTest {
@@ -541,8 +569,28 @@ TEST_F(HeldVolumesWithTf, TellsWhetherAMotionAfterTheStampWouldHaveBeenSeen) {
   const auto not_cancelled = [] { return false; };
   const auto found = volumes().ultrasound(::ros::Time(), not_cancelled);
   EXPECT_FALSE(volumes().require_still(*found, not_cancelled));
+  // tf may tell a motion of that time only now.
   know(101.0, 0.0);
   EXPECT_TRUE(volumes().require_still(*found, not_cancelled));
+  know(100.03, 10.0);
+  EXPECT_EQ(refusal([&] { volumes().require_still(*found, not_cancelled); }).code(),
+            Status::TF_JUMPED);
+}
+
+/// Only tf that was missing may come later: what tf has shown of the probe stays true.
+TEST_F(HeldVolumesWithTf, AProbeThatJumpedIsNotLookedUpAgain) {
+  options_.tf_timeout_s = 10.0;
+  volumes_.emplace(with_tf_, options_, [] {});
+  know(98.0, 0.0);
+  know(99.97, 0.0);
+  know(99.98, 10.0);
+  know(101.0, 10.0);
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_JUMPED);
+  tf_.clear();
+  know(98.0, 10.0);
+  know(101.0, 10.0);
+  EXPECT_EQ(ultrasound_refusal().code(), Status::TF_JUMPED);
 }
 
 /// The probe is judged while tf knows, also if nobody asks; a request may come much later.

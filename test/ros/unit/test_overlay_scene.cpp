@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <thread>
 
 #include "ros/conversions/surface_markers.h"
@@ -124,6 +125,10 @@ TEST(OverlayScene, IsOutdatedByEveryChangeOfTheAlignment) {
   kept.keeper.take_alignment(other);
   EXPECT_FALSE(kept.keeper.is_current(scene));
   other = accepted();
+  other.header.frame_id = "table";
+  kept.keeper.take_alignment(other);
+  EXPECT_FALSE(kept.keeper.is_current(scene));
+  other = accepted();
   other.waiting_id = 9;  // another result waits; this one still counts
   kept.keeper.take_alignment(other);
   EXPECT_TRUE(kept.keeper.is_current(scene));
@@ -154,9 +159,88 @@ TEST(OverlayScene, TheBoundIsThatOfTheCovarianceAtTheStructure) {
   const OverlayScene scene = kept.keeper.at(::ros::Time(1060));
   EXPECT_NEAR(scene.structures[1].bound_mm.value(), 1.5 * std::sqrt(9.0 + 2.0), 1e-9);
   // The pose of another alignment says nothing of this one.
-  pose.header.stamp = ::ros::Time(900);
+  for (const bool is_other_stamp : {true, false}) {
+    pose.header = accepted().header;
+    if (is_other_stamp)
+      pose.header.stamp = ::ros::Time(900);
+    else
+      pose.header.frame_id = "table";
+    kept.keeper.take_pose(pose);
+    EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 3.0);
+  }
+}
+
+/// The CT is turned by 90 degrees about z, so that the tetrahedron's corners lie at 10 mm along y,
+/// -x and z of the fixed frame. A rotation w about y moves the one along z by 10 mm w along x, and
+/// the one along -x by 10 mm w along z; a shift along x that goes with it (correlation 1) adds to
+/// the first of these motions.
+TEST(OverlayScene, TheBoundIsThatOfShiftAndRotationTogetherWhereTheStructureIs) {
+  KeptOverlay kept;
+  msg::Alignment turned = accepted();
+  turned.transform.rotation.z = turned.transform.rotation.w = std::sqrt(0.5);
+  kept.keeper.take_alignment(turned);
+  geometry_msgs::PoseWithCovarianceStamped pose;
+  pose.header = turned.header;
+  const double t_m = 0.003;
+  const double w = 0.2;
+  pose.pose.covariance[0] = t_m * t_m;
+  pose.pose.covariance[28] = w * w;
+  pose.pose.covariance[4] = pose.pose.covariance[24] = t_m * w;
   kept.keeper.take_pose(pose);
-  EXPECT_DOUBLE_EQ(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 3.0);
+  EXPECT_NEAR(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 1.5 * (3.0 + 2.0),
+              1e-9);
+  // A shift along z instead adds to the motion of the corner along -x.
+  pose.pose.covariance = {};
+  pose.pose.covariance[14] = t_m * t_m;
+  pose.pose.covariance[28] = w * w;
+  pose.pose.covariance[16] = pose.pose.covariance[26] = t_m * w;
+  kept.keeper.take_pose(pose);
+  EXPECT_NEAR(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 1.5 * (3.0 + 2.0),
+              1e-9);
+}
+
+TEST(OverlayScene, MarkersMayHavePosesOfTheirOwn) {
+  KeptOverlay kept;
+  visualization_msgs::MarkerArray surfaces =
+      to_markers({{1, tetrahedron()}}, {{1, {"tumour", {}}}}, "ct", 77);
+  surfaces.markers.back().pose.position.y = 0.5;
+  surfaces.markers.back().pose.orientation.w = surfaces.markers.back().pose.orientation.z =
+      std::sqrt(0.5);
+  kept.keeper.take_surface(surfaces);
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& p_mm :
+       kept.keeper.at(::ros::Time(1060)).structures.at(0).surface->points_mm)
+    box.extend(p_mm);
+  EXPECT_TRUE(box.min().isApprox(Eigen::Vector3d(-10.0, 500.0, 0.0), 1e-9));
+  EXPECT_TRUE(box.max().isApprox(Eigen::Vector3d(0.0, 510.0, 10.0), 1e-9));
+}
+
+TEST(OverlayScene, SaysWhatAPersonMustKnowOfTheAlignment) {
+  KeptOverlay kept;
+  const auto warnings = [&] { return kept.keeper.at(::ros::Time(1060)).warnings; };
+  msg::RegistrationResult result;
+  result.status.code = msg::StatusCode::CANCELLED;
+  result.status.message = "cancelled by the caller";
+  kept.keeper.take_result(result);
+  EXPECT_TRUE(warnings().empty()) << "the alignment is as good as before";
+  result.status.code = msg::StatusCode::LOW_CONFIDENCE;
+  result.status.message = "too dark";
+  kept.keeper.take_result(result);
+  EXPECT_THAT(warnings(), testing::ElementsAre(HasSubstr("REFUSED: the last registration: too")));
+  result.status.code = msg::StatusCode::CANCELLED;
+  kept.keeper.take_result(result);
+  EXPECT_EQ(warnings().size(), 1U) << "the refusal before is still the last word";
+  // Where nothing is drawn, the reason alone would hide that a registration was tried.
+  kept.keeper.take_alignment({});
+  EXPECT_THAT(warnings(), testing::ElementsAre(HasSubstr("REFUSED")));
+  result.status.code = msg::StatusCode::REGISTERED;
+  kept.keeper.take_result(result);
+  EXPECT_TRUE(warnings().empty());
+  msg::Alignment restored = accepted();
+  restored.state = msg::Alignment::RESTORED;
+  restored.waiting_id = 9;
+  kept.keeper.take_alignment(restored);
+  EXPECT_THAT(warnings(), testing::ElementsAre(HasSubstr("RESTORED"), HasSubstr("WAITING")));
 }
 
 TEST(NewestSlot, OnlyTheNewestValueWaits) {

@@ -51,6 +51,11 @@ TEST(StampPairs, BeginAnewWhenStampsRunBack) {
     EXPECT_FALSE(pairs.add(image_at(50.0 + 0.1 * i)));
     EXPECT_TRUE(pairs.add(info_at(50.0 + 0.1 * i))) << i;
   }
+  // The camera_info of the second time is not that of the image of the first time.
+  StampPairs again(4, 4);
+  again.add(image_at(100.0));
+  again.add(image_at(50.0));
+  EXPECT_FALSE(again.add(info_at(100.0)));
 }
 
 }  // namespace
