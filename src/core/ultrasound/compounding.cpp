@@ -110,7 +110,8 @@ class SlabCompounder {
   /// Offsets, in coordinates of the plane, of points that fill a square around a voxel's centre.
   static std::vector<Eigen::Vector2d> footprint(double side_mm, double pitch_mm,
                                                 const Eigen::Vector2d& unit_mm) {
-    const int n = std::clamp(static_cast<int>(std::ceil(side_mm / pitch_mm)), 1, kFinestFootprint);
+    const int n = static_cast<int>(
+        std::clamp(std::ceil(side_mm / pitch_mm), 1.0, static_cast<double>(kFinestFootprint)));
     std::vector<Eigen::Vector2d> points;
     for (int b = 0; b < n; ++b)
       for (int a = 0; a < n; ++a)

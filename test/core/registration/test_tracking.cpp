@@ -131,6 +131,17 @@ TEST_F(Tracking, AnotherCtOrProbeOrARequestToForgetMakesItFull) {
   EXPECT_TRUE(was_full(tracker_.next(fewer, again, *first.T_us_ct)));
 }
 
+TEST_F(Tracking, OtherDepthsMakeItFull) {
+  const RegistrationResult first = next(images_.us, nearby(images_));
+  ASSERT_TRUE(first.T_us_ct);
+  BeamUltrasound deeper = images_.us;
+  deeper.beams.axial.start_depth_mm += 0.5;
+  EXPECT_TRUE(was_full(next(deeper, *first.T_us_ct)));
+  BeamUltrasound longer = deeper;
+  longer.beams.axial.spacing_mm *= 1.005;
+  EXPECT_TRUE(was_full(next(longer, *first.T_us_ct)));
+}
+
 /// With a limit as low as this, the evidence of `phantom` leaves doubt.
 TEST_F(Tracking, WhatThePresetPatientFoundIsTrackedAsPatientTracks) {
   const char* const in_doubt = "confidence: {gates: {max_wrong_probability: 0.1}}\n";

@@ -17,8 +17,8 @@ using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using msg::OverlayStatus;
 
-constexpr int kWidth = 320;
-constexpr int kHeight = 240;
+constexpr int kPaintedWidth = 320;
+constexpr int kPaintedHeight = 240;
 constexpr std::uint8_t kGrey = 90;
 
 /// A tumour of 10 mm, 100 mm before a camera whose frame is the patient's. The CT was aligned 60 s
@@ -61,17 +61,17 @@ class OverlayPainterTest : public testing::Test {
     auto image = boost::make_shared<sensor_msgs::Image>();
     image->header.stamp = kStamp;
     image->header.frame_id = "camera";
-    image->width = kWidth;
-    image->height = kHeight;
-    image->step = 3 * kWidth;
+    image->width = kPaintedWidth;
+    image->height = kPaintedHeight;
+    image->step = 3 * kPaintedWidth;
     image->encoding = "rgb8";
-    image->data.assign(3 * kWidth * kHeight, kGrey);
+    image->data.assign(3 * kPaintedWidth * kPaintedHeight, kGrey);
     auto info = boost::make_shared<sensor_msgs::CameraInfo>();
     info->header = image->header;
-    info->width = kWidth;
-    info->height = kHeight;
-    info->K = {250, 0, kWidth / 2, 0, 250, kHeight / 2, 0, 0, 1};
-    info->P = {250, 0, kWidth / 2, 0, 0, 250, kHeight / 2, 0, 0, 0, 1, 0};
+    info->width = kPaintedWidth;
+    info->height = kPaintedHeight;
+    info->K = {250, 0, kPaintedWidth / 2, 0, 250, kPaintedHeight / 2, 0, 0, 1};
+    info->P = {250, 0, kPaintedWidth / 2, 0, 0, 250, kPaintedHeight / 2, 0, 0, 0, 1, 0};
     OverlayJob job;
     job.image = image;
     job.info = info;
