@@ -97,13 +97,14 @@ void SlicerBridge::subscribe() {
   alignment_ = follow("registration/alignment", &OperatorState::take_alignment);
   proposed_ = follow("registration/proposed", &OperatorState::take_proposed);
   result_ = follow("registration/result", &OperatorState::take_result);
-  ct_ = node_.subscribe<msg::CtInfo>("registration/ct", 1,
-                                     [this](const msg::CtInfoConstPtr& message) {
-                                       const std::lock_guard<std::mutex> lock(mutex_);
-                                       // Landmarks of another CT must not be used for this one.
-                                       if (message->crc32 != ct_crc32_) landmarks_.clear();
-                                       ct_crc32_ = message->crc32;
-                                     });
+  ct_ = node_.subscribe<msg::CtInfo>(
+      "registration/ct", 1, [this](const msg::CtInfoConstPtr& message) {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        // Landmarks of another CT must not be used for this one.
+        auto ct = std::make_pair(message->header.frame_id, message->crc32);
+        if (ct != held_ct_) landmarks_.clear();
+        held_ct_ = std::move(ct);
+      });
 }
 
 std::optional<Eigen::Isometry3d> SlicerBridge::look_up(std::string& why_not) const {

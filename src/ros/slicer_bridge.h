@@ -10,6 +10,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ros/operator/operator_state.h"
@@ -72,7 +73,8 @@ class SlicerBridge {
   std::mutex mutex_;  // guards the members below, up to last_event_
   OperatorState state_;
   ServiceCalls calls_;
-  std::uint32_t ct_crc32_ = 0;
+  /// Frame and checksum of the CT that is held.
+  std::pair<std::string, std::uint32_t> held_ct_;
   /// Landmarks by the name of their list, LPS, mm.
   std::map<std::string, std::vector<Eigen::Vector3d>> landmarks_;
   std::string sent_words_;

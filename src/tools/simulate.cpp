@@ -54,6 +54,11 @@ void complete(SimulateCommand& command) {
     command.conditioning.depth.min_mm = command.depth_mm[0];
     command.conditioning.depth.max_mm = command.depth_mm[1];
   }
+  const SimulationOptions& simulation = command.simulation;
+  if (simulation.signed_reflection && simulation.log_compression == LogCompression::kIntensity)
+    throw InputError("--signed",
+                     "is given, must be left out unless --log-compression is reflection: "
+                     "the intensity has no sign");
   command.conditioning.depth.automatic = !command.no_auto_depth;
   if (command.fit_to != Normalisation::kNone) command.conditioning.normalisation = command.fit_to;
   command.simulation.validate("--ct options");

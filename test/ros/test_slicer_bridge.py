@@ -255,11 +255,14 @@ class SlicerBridge(TfPublisherCase):
         self.assertEqual((request.type, request.header.frame_id), (SetInitialAlignmentRequest.LANDMARKS, self.us))
         for found, sent in ((request.points_ct, ct), (request.points, us)):
             self.assertEqual(found, [Point(-x / 1000, -y / 1000, z / 1000) for x, y, z in sent])
-        # Those of another CT are forgotten.
-        self.registered_ct.publish(CtInfo(crc32=CT_CRC32))
-        self.registered_ct.publish(CtInfo(crc32=OTHER_CT_CRC32))
-        time.sleep(0.5)
-        self.client.answer_to(points("us_landmarks", us), "0 landmarks of the CT and 3 of the ultrasound")
+        # Those of another CT, or of the same voxels in another frame, are forgotten.
+        for frame, crc32 in (("a_ct", CT_CRC32), ("a_ct", OTHER_CT_CRC32), ("another_ct", OTHER_CT_CRC32)):
+            info = CtInfo(crc32=crc32)
+            info.header.frame_id = frame
+            self.registered_ct.publish(info)
+            time.sleep(0.5)
+            self.client.answer_to(points("us_landmarks", us), "0 landmarks of the CT and 3 of the ultrasound")
+            self.client.answer_to(points("ct_landmarks", ct), "set; the landmarks agree to 2.5 mm")
         service.shutdown()
 
     def test_a_node_that_hangs_holds_up_nothing(self):

@@ -73,8 +73,11 @@ void write_video(const Images& images, const fs::path& path) {
     writer.release();
     // The writer does not say whether the disk took all of it.
     const cv::VideoCapture written(temporary.string(), cv::CAP_OPENCV_MJPEG);
-    if (static_cast<std::size_t>(written.get(cv::CAP_PROP_FRAME_COUNT)) != images.size())
-      throw std::runtime_error(path.string() + ": writing failed");
+    const auto count = static_cast<std::size_t>(written.get(cv::CAP_PROP_FRAME_COUNT));
+    if (count != images.size())
+      throw std::runtime_error(path.string() + ": writing failed: only " + std::to_string(count) +
+                               " of " + std::to_string(images.size()) +
+                               " images are in the file; the disk may be full");
   });
 }
 

@@ -176,6 +176,7 @@ TEST_F(SimulateCommand, BadArgumentsAreNamed) {
   expect_refused({"--frame", "21"}, "--frame");
   expect_refused({"--frame", "-1"}, "--frame: is -1, must be >= 0");
   expect_refused({"--log-compression", "both"}, "--log-compression");
+  expect_refused({"--signed", "--log-compression", "intensity"}, "--signed: is given");
   expect_refused({"--gradient-length", "0"}, "gradient_length_mm");
   expect_refused({"--depth", "40", "20"}, "depth.min_mm");
   expect_refused({"--us-mask", path("ct.nrrd")}, "--us-mask");
