@@ -24,8 +24,9 @@ Isometry3d motion(const Vector3d& axis, double degrees, const Vector3d& shift_mm
 }
 
 Points noisy(Points points, double deviation_mm, std::mt19937& random) {
-  std::normal_distribution<double> normal(0.0, deviation_mm);
-  for (Vector3d& p : points) p += Vector3d(normal(random), normal(random), normal(random));
+  std::normal_distribution<double> normal;
+  for (Vector3d& p : points)
+    p += deviation_mm * Vector3d(normal(random), normal(random), normal(random));
   return points;
 }
 

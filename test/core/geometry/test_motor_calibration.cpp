@@ -32,14 +32,14 @@ double cut_mm(double wire_y_mm, double motor_angle_rad) {
 WireDistances sweep_wires(const std::vector<double>& angles_rad, int volumes, double noise_mm,
                           unsigned seed) {
   std::mt19937 generator(seed);
-  std::normal_distribution<double> noise(0.0, noise_mm);
+  std::normal_distribution<double> normal;
   WireDistances distances;
   distances.true_distance_mm = 25.0;
   for (int volume = 0; volume < volumes; ++volume) {
     distances.volumes.emplace_back();
     for (const double angle : angles_rad)
       distances.volumes.back().push_back(cut_mm(105.0, angle) - cut_mm(80.0, angle) +
-                                         (noise_mm > 0.0 ? noise(generator) : 0.0));
+                                         noise_mm * normal(generator));
   }
   return distances;
 }

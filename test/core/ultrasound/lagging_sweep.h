@@ -56,7 +56,7 @@ inline double unsteady_mm(double t) {
 inline PreScanVolume sweep_of(const SweepCase& how, unsigned seed) {
   const Texture texture(seed);
   std::mt19937 random(seed + 1000);
-  std::normal_distribution<double> noise(0.0, how.noise);
+  std::normal_distribution<double> normal;
   PreScanVolume volume;
   volume.geometry.axial = {16, 0.0, 1.1};
   volume.geometry.array = LinearArray{{-9, -7, -5, -3, -1, 1, 3, 5, 7, 9}};
@@ -78,7 +78,7 @@ inline PreScanVolume sweep_of(const SweepCase& how, unsigned seed) {
     for (int line = 0; line < 10; ++line)
       for (int sample = 0; sample < 16; ++sample) {
         const Eigen::Vector3d p_frame(-9.0 + 2.0 * line, 1.1 * sample, 0.0);
-        const double grey = texture.at(pose(t - how.lag_s) * p_frame) + noise(random);
+        const double grey = texture.at(pose(t - how.lag_s) * p_frame) + how.noise * normal(random);
         volume.voxels.push_back(static_cast<std::uint8_t>(std::clamp(grey, 0.0, 255.0)));
       }
   }
