@@ -181,22 +181,21 @@ TEST(OverlayScene, TheBoundIsThatOfShiftAndRotationTogetherWhereTheStructureIs) 
   kept.keeper.take_alignment(turned);
   geometry_msgs::PoseWithCovarianceStamped pose;
   pose.header = turned.header;
-  const double t_m = 0.003;
-  const double w = 0.2;
-  pose.pose.covariance[0] = t_m * t_m;
-  pose.pose.covariance[28] = w * w;
-  pose.pose.covariance[4] = pose.pose.covariance[24] = t_m * w;
-  kept.keeper.take_pose(pose);
-  EXPECT_NEAR(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 1.5 * (3.0 + 2.0),
-              1e-9);
+  // The bound with a shift of 3 mm along x (0) or z (2), and the rotation.
+  const auto bound_mm = [&](int axis) {
+    constexpr int kAboutY = 4;
+    const double t_m = 0.003;
+    const double w = 0.2;
+    pose.pose.covariance = {};
+    pose.pose.covariance[7 * axis] = t_m * t_m;
+    pose.pose.covariance[7 * kAboutY] = w * w;
+    pose.pose.covariance[6 * axis + kAboutY] = pose.pose.covariance[6 * kAboutY + axis] = t_m * w;
+    kept.keeper.take_pose(pose);
+    return kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value();
+  };
+  EXPECT_NEAR(bound_mm(0), 1.5 * (3.0 + 2.0), 1e-9);
   // A shift along z instead adds to the motion of the corner along -x.
-  pose.pose.covariance = {};
-  pose.pose.covariance[14] = t_m * t_m;
-  pose.pose.covariance[28] = w * w;
-  pose.pose.covariance[16] = pose.pose.covariance[26] = t_m * w;
-  kept.keeper.take_pose(pose);
-  EXPECT_NEAR(kept.keeper.at(::ros::Time(1060)).structures[1].bound_mm.value(), 1.5 * (3.0 + 2.0),
-              1e-9);
+  EXPECT_NEAR(bound_mm(2), 1.5 * (3.0 + 2.0), 1e-9);
 }
 
 TEST(OverlayScene, MarkersMayHavePosesOfTheirOwn) {

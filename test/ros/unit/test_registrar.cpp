@@ -154,6 +154,10 @@ class RegistrarRun : public testing::Test {
   void arrive(const msg::PreScanVolume::ConstPtr& message) {
     volumes_.arrived(message, ::ros::Time(200.0));
   }
+  void hold_images() {
+    arrive(patterned_ultrasound(kStampS));
+    arrive(patterned_ct(1, 0.0));
+  }
   msg::RegistrationResult run() {
     RegistrationRequest request;
     request.preset = "fast";
@@ -191,8 +195,7 @@ class RegistrarRun : public testing::Test {
 TEST_F(RegistrarRun, IsOfTheCtThatIsHeldAndNotOfTheOneThatWasPrepared) {
   know(98.0, 0.0);
   know(101.0, 0.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   volumes_.ct(not_cancelled);
   registrar_.prepare_ct(not_cancelled);
   const msg::RegistrationResult first = run();
@@ -207,8 +210,7 @@ TEST_F(RegistrarRun, IsOfTheCtThatIsHeldAndNotOfTheOneThatWasPrepared) {
 TEST_F(RegistrarRun, ACtThatArrivesMeanwhileEndsIt) {
   know(98.0, 0.0);
   know(101.0, 0.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   during_ = [this] { arrive(patterned_ct(2, 0.0)); };
   const msg::RegistrationResult result = run();
   EXPECT_FALSE(during_);
@@ -219,8 +221,7 @@ TEST_F(RegistrarRun, ACtThatArrivesMeanwhileEndsIt) {
 TEST_F(RegistrarRun, SaysThatAMotionAfterTheStampWasNotSeen) {
   know(98.0, 0.0);
   know(100.01, 0.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   EXPECT_THAT(run().status.message, HasSubstr("a motion there was not seen"));
   know(101.0, 0.0);
   EXPECT_THAT(run().status.message, testing::Not(HasSubstr("a motion there was not seen")));
@@ -229,8 +230,7 @@ TEST_F(RegistrarRun, SaysThatAMotionAfterTheStampWasNotSeen) {
 TEST_F(RegistrarRun, AJumpThatTfTellsWhileItRunsRefusesIt) {
   know(98.0, 0.0);
   know(100.01, 0.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   during_ = [this] {
     know(100.02, 30.0);
     know(101.0, 30.0);
@@ -241,8 +241,7 @@ TEST_F(RegistrarRun, AJumpThatTfTellsWhileItRunsRefusesIt) {
 TEST_F(RegistrarRun, SaysHowOldTfWas) {
   know(98.0, 0.0);
   know(99.75, 0.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   EXPECT_THAT(run().status.message, HasSubstr("tf was 0.250 s older than the ultrasound's stamp"));
   know(101.0, 0.0);
   arrive(patterned_ultrasound(kStampS));
@@ -254,8 +253,7 @@ TEST_F(RegistrarRun, ARefusedUltrasoundIsNamedInItsResult) {
   know(99.97, 0.0);
   know(99.98, 30.0);
   know(101.0, 30.0);
-  arrive(patterned_ultrasound(kStampS));
-  arrive(patterned_ct(1, 0.0));
+  hold_images();
   const msg::RegistrationResult result = run();
   EXPECT_EQ(result.status.code, Status::TF_JUMPED);
   EXPECT_EQ(result.us_stamp, ::ros::Time(kStampS));
