@@ -154,14 +154,12 @@ std::vector<SimulationImage> images_of(const Simulation& simulation) {
   const std::vector<float>& brightness = simulation.beams.along.brightness;
   const SimulatedComponents& components = simulation.components;
   const double span = simulation.fit_to == Normalisation::kNone ? 0.0 : 3.0;
-  const SimulationOptions& options = simulation.options;
-  const bool is_signed =
-      options.signed_reflection && options.log_compression == LogCompression::kReflection;
+  const double least_reflection = simulation.options.signed_reflection ? -1.0 : 0.0;
   const auto [mapped_black, mapped_white] = range_of_mapped_ct(simulation);
   std::vector<SimulationImage> images{
       {"ultrasound", "A ultrasound", brightness, 0.0, 255.0},
       {"ct", "B CT along the beams", components.ct_hu, -160.0, 340.0},
-      {"reflection", "C reflection r", components.reflection, is_signed ? -1.0 : 0.0, 1.0},
+      {"reflection", "C reflection r", components.reflection, least_reflection, 1.0},
       {"intensity", "D intensity I", components.intensity, 0.0, 1.0},
       {"mapped_ct", "mapped CT p", components.mapped_ct, mapped_black, mapped_white}};
   if (simulation.simulated.has_fit())
