@@ -46,9 +46,9 @@ struct Study {
 struct PlannedRun {
   std::size_t method = 0;
   Trial trial;
-  /// 16 hexadecimal digits that differ if anything differs that determines the result: the images,
-  /// truth and targets of the case, the start, the options, or the version of this package; and
-  /// StudyThreads, which times depend on.
+  /// 16 hexadecimal digits that differ if anything differs that determines the result: the name,
+  /// images, truth and targets of the case, the start, the options, or the version of this package;
+  /// and StudyThreads, which times depend on.
   std::string fingerprint;
 };
 

@@ -31,7 +31,7 @@ SceneKind parse_scene(const std::string& text, const std::string& source);
 std::string to_string(SceneKind scene);
 
 struct AnatomyOptions {
-  /// Factor on the differences between soft tissues, in CT and ultrasound; (0, 1.5].
+  /// Factor on the differences between soft tissues, in CT and ultrasound; [0.01, 1.5].
   double contrast = 1.0;
   /// Factor on random changes of the echogenicity (5 dB) and the HU (20 HU) of each soft tissue, by
   /// seed; [0, 2], 0: none. The HU of the scene from-ct are those of its CT and do not change.

@@ -22,7 +22,8 @@ constexpr auto words_of(SampleSubset) {
 /// patches as well, since the patch decides which samples count.
 struct PatchOptions {
   /// Edges, mm, along the beams, across lines and across frames, measured at the middle depth since
-  /// beams diverge. Infinite: one patch along that axis.
+  /// beams diverge; across frames, if a tracked probe hardly moves the field there, at the place of
+  /// the median motion. Infinite: one patch along that axis.
   double depth_mm = 4.0;
   double lateral_mm = 4.0;
   double elevation_mm = 4.0;

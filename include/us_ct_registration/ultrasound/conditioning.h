@@ -108,7 +108,8 @@ struct ConditionedUltrasound {
 ///
 /// Windows are Gaussians in millimetres: along the samples, across lines, and across frames. The
 /// distance of neighbouring lines is taken at each depth in the middle frame, that of neighbouring
-/// frames on the middle line. Only samples that count enter.
+/// frames on the middle line or, if a tracked probe hardly moves the field there, on that of the
+/// median motion (as in decimation.h). Only samples that count enter.
 ///
 /// Throws InputError if the ultrasound or an option is invalid, or the depth range holds no sample.
 /// It is not an error if no sample counts; `reasons` then gives the reasons.
