@@ -12,6 +12,7 @@
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
+#include "ros/message_limit.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/subgrid.h"
@@ -37,8 +38,6 @@ InputError retold(const std::exception& error, const fs::path& path, const std::
   return {given, text.rfind(source, 0) == 0 ? text.substr(source.size()) : text};
 }
 
-/// roscpp closes a connection, for ever, on which a message of more than 1e9 bytes arrives.
-constexpr std::uint64_t kMostKeptBytes = 950000000;
 /// A compressed file of some megabytes may announce more than the machine has.
 constexpr std::uint64_t kMostStoredBytes = 4000000000;
 
@@ -60,9 +59,9 @@ std::string part_text(const LoadedCt& ct) {
   return ct.volume.grid.size == whole ? "" : " of " + size_text(whole) + " (ct/roi)";
 }
 
-/// Receivers close the connection at a message of 1e9 bytes; a triangle of ct/surface has 72.
 void require_sendable(const std::map<int, Surface>& surfaces, const std::string& labels) {
-  constexpr std::size_t kMostTriangles = 13'000'000;
+  constexpr std::size_t kTriangleBytes = 72;  // of ct/surface
+  constexpr std::size_t kMostTriangles = kMostMessageBytes / kTriangleBytes;
   std::size_t triangles = 0;
   for (const auto& [label, surface] : surfaces) triangles += surface.triangles.size();
   if (triangles > kMostTriangles)
@@ -74,7 +73,9 @@ void require_sendable(const std::map<int, Surface>& surfaces, const std::string&
 }  // namespace
 
 CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
-    : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
+    : node_(node),
+      private_node_(private_node),
+      diagnostics_(node, private_node, private_node.getNamespace()) {
   Parameters parameters(private_node);
   const std::string path = parameters.text("path", "");
   const std::string labels = parameters.text("labels", "");
@@ -174,9 +175,11 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
   const MemoryReturned at_end;
   msg::StatusCode answer;
   try {
-    const Loaded loaded = read(path, labels, selection());
+    const CtSelection selected = selection();
+    const Loaded loaded = read(path, labels, selected);
     for (const std::string& warning : loaded.ct.warnings) ROS_WARN("%s", warning.c_str());
     hold(loaded);
+    keep_over_respawn(path, labels, selected);
     answer = status(Code::OK, loaded.ct.format + ", " + size_text(loaded.ct.volume.grid.size) +
                                   " voxels" + part_text(loaded.ct) + ", revision " +
                                   std::to_string(info_.revision));
@@ -246,6 +249,21 @@ void CtServer::hold(const Loaded& loaded) {
   mesh_publisher_.publish(mesh);
 }
 
+void CtServer::keep_over_respawn(const std::string& path, const std::string& labels,
+                                 const CtSelection& selected) {
+  private_node_.setParam("path", path);
+  private_node_.setParam("labels", labels);
+  private_node_.setParam("decimation", selected.decimation);
+  if (!selected.box_mm) {
+    private_node_.deleteParam("roi");
+    return;
+  }
+  const Eigen::Vector3d first = selected.box_mm->min() / kMmPerM;
+  const Eigen::Vector3d second = selected.box_mm->max() / kMmPerM;
+  private_node_.setParam("roi", std::vector<double>{first.x(), first.y(), first.z(), second.x(),
+                                                    second.y(), second.z()});
+}
+
 bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {
   response.status = data_root_ ? load(request.path, request.labels)
                                : status(Code::PATH_REFUSED, "parameter data_root is not set");
@@ -261,7 +279,7 @@ CtSelection CtServer::selection() {
 
 void CtServer::read_selection(Parameters& parameters, const ::ros::NodeHandle& private_node) {
   selection_.max_stored_bytes = kMostStoredBytes;
-  selection_.max_kept_bytes = kMostKeptBytes;
+  selection_.max_kept_bytes = kMostMessageBytes;
   const std::vector<double> roi_m = parameters.numbers("roi", 6);
   if (!roi_m.empty()) {
     const Eigen::Map<const Eigen::Vector3d> first(roi_m.data());

@@ -53,9 +53,14 @@ class CtServer {
   /// stored.
   std::uint32_t next_revision();
   void hold(const Loaded& loaded);
+  /// Writes what is held into the node's parameters. roslaunch starts a node that has ended again
+  /// with the parameters of the master: it must not go back to the CT of the launch.
+  void keep_over_respawn(const std::string& path, const std::string& labels,
+                         const CtSelection& selected);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
   ::ros::NodeHandle node_;
+  ::ros::NodeHandle private_node_;
   std::string ct_frame_;
   std::optional<DataRoot> data_root_;
   DicomReadOptions dicom_options_;

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <thread>
 
+#include "ros/alignment_diagnosis.h"
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
@@ -25,11 +26,6 @@ constexpr std::int64_t kClockToleranceMs = 100;
 constexpr std::int64_t kNsPerMs = 1'000'000;
 /// Within this time a result comes on its topic after the caller of a registration has its answer.
 constexpr std::chrono::seconds kOnItsWay{2};
-
-const char* name_of(const AlignmentState& state) {
-  if (!state.broadcast) return "none";
-  return state.broadcast->restored ? "restored" : "accepted";
-}
 
 /// Of the wall clock: simulated time may jump back, and says nothing over a restart.
 std::int64_t now_ns() { return static_cast<std::int64_t>(::ros::WallTime::now().toNSec()); }
@@ -146,9 +142,9 @@ void TfPublisher::restore() {
   ROS_ERROR("alignment_file: %s", file_error_.c_str());
 }
 
-void TfPublisher::store(const StoredAlignment& changed) {
-  if (alignment_file_.empty() || changed == decisions_.stored()) return;
-  write_alignment(changed, alignment_file_);
+void TfPublisher::store(const StoredAlignment& stored) {
+  if (alignment_file_.empty()) return;
+  write_alignment(stored, alignment_file_);
   file_error_.clear();
 }
 
@@ -177,7 +173,7 @@ msg::StatusCode TfPublisher::apply(const Change& change) {
   if (const std::string reason = conflict(changed.state()); !reason.empty())
     return status(Code::INVALID_REQUEST, "nothing is changed: " + reason);
   try {
-    store(changed.stored());
+    if (!(changed.stored() == decisions_.stored())) store(changed.stored());
   } catch (const std::exception& error) {
     file_error_ = error.what();
     return status(Code::FILE_ERROR,
@@ -215,8 +211,13 @@ void TfPublisher::take(const msg::RegistrationResult& result) {
   }
   OfferedResult offered = from_message(result);
   offered.ask_because = why_ask(result);
-  const msg::StatusCode answer =
-      apply([&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); });
+  const Change offer = [&](AlignmentDecisions& d) { return d.offer(offered, now_ns()); };
+  msg::StatusCode answer = apply(offer);
+  if (answer.code == Code::FILE_ERROR) {
+    // It is not lost: a person accepts it once the disk is mended.
+    offered.ask_because = "accepted, it could not be stored: " + file_error_;
+    answer = apply(offer);
+  }
   const bool must_ask = policy_ == "auto" && decisions_.state().waiting_id == result.id;
   if (must_ask || (answer.code != Code::OK && answer.code != Code::NOTHING_TO_DECIDE)) {
     last_refusal_ = answer.message;
@@ -277,15 +278,18 @@ bool TfPublisher::decide(const Change& change, Decide::Response& response) {
   const ::ros::WallTime end = ::ros::WallTime::now() + tolerance_ + tolerance_;
   while (::ros::Time::now() <= last_of_other && ::ros::WallTime::now() < end)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  if (::ros::Time::now() <= last_of_other)
+  if (::ros::Time::now().isZero())
+    response.status.message += "; nothing is broadcast before simulated time begins (/clock)";
+  else if (::ros::Time::now() <= last_of_other)
     response.status.message += "; simulated time has to pass " + seconds_text(last_of_other) +
                                " before look-ups at the present time show it";
   return true;
 }
 
 ::ros::Time TfPublisher::show() {
-  if (const std::string reason = conflict(decisions_.state()); !reason.empty()) {
-    decisions_.suspend(reason);
+  const std::string disputed = conflict(decisions_.state());
+  if (!disputed.empty()) {
+    decisions_.suspend(disputed);
     ROS_ERROR("%s", decisions_.state().message.c_str());
   }
   const AlignmentState state = decisions_.state();
@@ -298,7 +302,16 @@ bool TfPublisher::decide(const Change& change, Decide::Response& response) {
   waiting.policy = policy_;
   proposed_publisher_.publish(waiting);
   publish_pose(state);
+  // Last, since a slow disk must not prolong a disputed broadcast.
+  if (!disputed.empty()) store_suspension();
   return last_of_other;
+}
+
+void TfPublisher::store_suspension() try {
+  store(decisions_.stored());
+} catch (const std::exception& error) {
+  file_error_ = error.what();
+  ROS_ERROR("alignment_file: the suspension could not be stored: %s", file_error_.c_str());
 }
 
 void TfPublisher::publish_pose(const AlignmentState& state) {
@@ -308,40 +321,8 @@ void TfPublisher::publish_pose(const AlignmentState& state) {
 }
 
 void TfPublisher::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
-  using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
-  const AlignmentState state = decisions_.state();
-  const Alignment alignment = state.broadcast.value_or(Alignment());
-  const bool is_held_back = !state.broadcast && decisions_.stored().alignment;
-  const bool is_attention =
-      alignment.restored || is_held_back || state.waiting_id != 0 || !last_refusal_.empty();
-  const std::string waiting =
-      state.waiting_id == 0 ? "" : "; " + to_proposed_message(state).message;
-  const std::string refused = last_refusal_.empty() ? "" : "; refused: " + last_refusal_;
-  if (state.is_suspended)
-    diagnosis.summary(DiagnosticStatus::ERROR, state.message);
-  else if (!file_error_.empty())
-    diagnosis.summary(DiagnosticStatus::ERROR, "alignment_file: " + file_error_);
-  else
-    diagnosis.summary(is_attention ? DiagnosticStatus::WARN : DiagnosticStatus::OK,
-                      state.message + waiting + refused);
-  diagnosis.add("state", name_of(state));
-  diagnosis.add("fixed frame", alignment.fixed_frame);
-  diagnosis.add("CT frame", alignment.ct_frame);
-  if (state.broadcast) {
-    constexpr double kSecondsPerNs = 1e-9;
-    const auto age_s = [](std::int64_t now, std::int64_t then) {
-      return kSecondsPerNs * static_cast<double>(now - then);
-    };
-    diagnosis.add("age of the ultrasound (s)",
-                  age_s(nanoseconds_from(::ros::Time::now()), alignment.us_stamp_ns));
-    diagnosis.add("accepted since (s)", age_s(now_ns(), alignment.accepted_ns));
-    diagnosis.add("expected error (mm)", 1000.0 * alignment.expected_error_m);
-  }
-  diagnosis.add("result", alignment.result_id);
-  diagnosis.add("waiting result", state.waiting_id);
-  diagnosis.add("alignments to go back to", decisions_.history());
-  diagnosis.add("last refusal", last_refusal_);
+  describe(decisions_, last_refusal_, file_error_, diagnosis);
 }
 
 }  // namespace usct::ros_interface

@@ -35,8 +35,10 @@ class TfPublisher {
   void advertise();
   void subscribe();
   void restore();
-  /// Writes the file if its content has changed. Throws as `write_alignment`.
-  void store(const StoredAlignment& changed);
+  /// Writes the file, if there is to be one. Throws as `write_alignment`.
+  void store(const StoredAlignment& stored);
+  /// A suspension counts even if it cannot be stored.
+  void store_suspension();
   void on_result(const us_ct_registration::RegistrationResultConstPtr& result);
   /// Applies a result; the mutex is held.
   void take(const us_ct_registration::RegistrationResult& result);

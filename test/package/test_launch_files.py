@@ -9,6 +9,7 @@ import roslaunch.config
 import roslaunch.xmlloader
 
 PROJECT = pathlib.Path(__file__).resolve().parents[2]
+ROBOT = "robot_description:=" + str(PROJECT / "urdf/integration.urdf")
 NODES = {path.stem for path in (PROJECT / "src/nodes").glob("*.cpp")}
 
 
@@ -46,7 +47,7 @@ class LaunchFiles(unittest.TestCase):
     def test_parameters_of_earlier_launches_are_cleared(self):
         seen = set()
         for name, *arguments in (("registration.launch", "rviz:=true"), ("registration.launch", "nodelet:=true", "rviz:=true"),
-                                 ("integration.launch", "robot_description:=" + str(PROJECT / "urdf/integration.urdf")),
+                                 ("integration.launch", ROBOT),
                                  ("overlay.launch",), ("slicer.launch",)):
             config = loaded(name, *arguments)
             own = [node for node in config.nodes if node.name in NODES]
@@ -54,6 +55,17 @@ class LaunchFiles(unittest.TestCase):
                 self.assertIn(f"/{node.name}/", config.clear_params, f"{name}: {node.name}")
             seen |= {node.name for node in own}
         self.assertEqual(seen, NODES)
+
+    def test_a_calibration_of_an_earlier_launch_is_cleared(self):
+        self.assertIn("/calibration/", loaded("integration.launch", ROBOT).clear_params)
+
+    def test_every_node_is_started_again_if_that_is_asked_for(self):
+        """A robot's tf and a surgeon's video come from these nodes as well."""
+        for name, *arguments in (("registration.launch", "nodelet:=true", "run_us_cloud:=true", "run_fusion_view:=true"),
+                                 ("integration.launch", ROBOT), ("overlay.launch",), ("slicer.launch",), ("robot.launch",), ("workstation.launch",)):
+            for node in loaded(name, *arguments, "respawn:=true").nodes:
+                self.assertTrue(node.respawn, f"{name}: {node.name}")
+                self.assertEqual(node.respawn_delay, 2.0, f"{name}: {node.name}")
 
     def test_launches_of_a_part_hand_on_all_arguments_of_the_whole(self):
         """roslaunch passes over arguments that a file does not declare, without a word."""
@@ -72,7 +84,7 @@ class LaunchFiles(unittest.TestCase):
         seen = set()
         for name, *arguments in (("registration.launch", "run_us_cloud:=true", "run_fusion_view:=true"),
                                  ("registration.launch", "nodelet:=true", "run_us_cloud:=true", "run_fusion_view:=true"),
-                                 ("integration.launch", "robot_description:=" + str(PROJECT / "urdf/integration.urdf")),
+                                 ("integration.launch", ROBOT),
                                  ("robot.launch",), ("workstation.launch",)):
             values = {arg: "value_of_" + arg for arg in {**SET_BY, **REMAPPED_BY}.keys() & declared(PROJECT / "launch" / name)}
             config = loaded(name, *arguments, *(f"{arg}:={value}" for arg, value in values.items()))
@@ -89,7 +101,7 @@ class LaunchFiles(unittest.TestCase):
 
     def test_a_person_decides_unless_somebody_says_otherwise(self):
         for name, *arguments in (("registration.launch",), ("robot.launch",),
-                                 ("integration.launch", "robot_description:=" + str(PROJECT / "urdf/integration.urdf"))):
+                                 ("integration.launch", ROBOT)):
             config = loaded(name, *arguments)
             for parameter in ("policy", "restore"):
                 self.assertEqual(config.params["/tf_publisher/" + parameter].value, "confirm", name)

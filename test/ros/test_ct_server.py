@@ -136,6 +136,11 @@ class CtServer(unittest.TestCase):
         self.processes.append(process)
         return process
 
+    def start_again(self):
+        """As roslaunch does: with the parameters that there are."""
+        parameters = rospy.get_param(self.namespace + "/ct_server")
+        return self.start(**parameters)
+
     def label_table(self):
         path = self.folder.name + "/labels.yaml"
         with open(path, "w") as stream:
@@ -357,6 +362,29 @@ class CtServer(unittest.TestCase):
         self.assertEqual(self.roi([], 0).code, StatusCode.OK)
         self.assertEqual(self.load("ct.nrrd").status.code, StatusCode.OK)
         self.expect_ct(self.get().volume)
+
+    def test_started_again_it_holds_what_it_held(self):
+        """roslaunch starts a node that has ended again with the parameters of the master."""
+        first = self.start(path="other.nrrd", data_root=self.root)
+        self.volume.wait(lambda m: True, "the CT of the launch")
+        corners = [Point(*(x / 1000 for x in ORIGIN_MM + DIRECTION @ (SPACING_MM * at))) for at in ((4, 3, 2), (14, 12, 9))]
+        self.assertEqual(self.roi(corners, 1).code, StatusCode.OK)
+        self.assertEqual(self.load("ct.nrrd", "labels.nrrd").status.code, StatusCode.OK)
+        part = self.info.wait(lambda m: m.labels, "the part")
+        # What cannot be loaded, and a region of which nothing was loaded, are not held.
+        self.assertEqual(self.load("none.nrrd").status.code, StatusCode.FILE_ERROR)
+        self.assertEqual(self.roi([], 2).code, StatusCode.OK)
+        first.kill()
+        self.info.message = None
+        again = self.start_again()
+        self.assertEqual(self.info.wait(lambda m: True, "the part again").crc32, part.crc32)
+        self.assertEqual(self.info.message.labels, part.labels)
+        self.assertEqual(self.roi([], 1).code, StatusCode.OK)
+        self.assertEqual(self.load("ct.nrrd").status.code, StatusCode.OK)
+        again.kill()
+        self.volume.message = None
+        self.start_again()
+        self.expect_ct(self.volume.wait(lambda m: True, "the whole CT"))
 
     def test_a_misspelt_node_in_override_ends_it(self):
         rospy.set_param(self.namespace + "/override", {"registration": {"seed": 1}, "ct_sever": {"surface_hu": 100}})

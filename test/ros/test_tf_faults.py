@@ -3,6 +3,7 @@
 given up; tf that is disputed is not used."""
 import math
 import os
+import pathlib
 import struct
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from us_ct_registration.srv import Decide, LoadCt
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from node_under_test import PACKAGE, Newest, Process, call, wait_for
-from tf_publisher_case import TOLERANCE_S, LookUps, Stamps, TfPublisherCase, clock_ms
+from tf_publisher_case import CT_CRC32, TOLERANCE_S, LookUps, Stamps, TfPublisherCase, clock_ms
 
 # An fsync that takes a second, as on a slow disk.
 SLOW_FSYNC = """
@@ -195,6 +196,25 @@ class TfFaults(TfPublisherCase):
         # A second parent is noticed as well.
         other.sendTransform(self.foreign(self.namespace[1:] + "_table", self.ct))
         self.assertIn("one parent", self.wait_state(Alignment.NONE).message)
+
+    def test_a_restart_does_not_end_a_suspension(self):
+        parameters = {"policy": "auto", "restore": "same_ct", "alignment_file": self.file}
+        process = self.start_publisher(**parameters)
+        self.hold_ct(CT_CRC32)
+        other = tf2_ros.TransformBroadcaster()
+        self.wait_heard(other)
+        self.result(1, 0.25)
+        self.wait_tf(0.25)
+        other.sendTransform(self.foreign(self.fixed, self.ct))
+        self.wait_state(Alignment.NONE)
+        wait_for(lambda: rospy.get_name() in pathlib.Path(self.file).read_text(), "the suspension to be stored")
+        process.kill()
+        # The process that is started again has not heard the other publisher.
+        self.start_publisher(**parameters)
+        message = self.alignment.wait(lambda m: "suspended" in m.message, "the suspension")
+        self.assertEqual(message.state, Alignment.NONE)
+        self.assertEqual(self.decide_on_kept("accept").code, StatusCode.OK)
+        self.wait_state(Alignment.RESTORED)
 
     def test_a_second_one_in_the_same_process_does_not_take_the_frame(self):
         self.start("manager")

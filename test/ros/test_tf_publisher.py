@@ -7,6 +7,7 @@ import time
 
 import rospy
 import rostest
+import std_msgs.msg
 import tf2_msgs.msg
 import tf2_ros
 import yaml
@@ -278,7 +279,22 @@ class TfPublisher(TfPublisherCase):
         self.start_publisher(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
         self.result(1, 0.25)
         self.diagnosis(lambda s: s.level == s.ERROR and "missing" in s.message, "an error")
-        self.assertEqual(self.alignment.message.state, Alignment.NONE)
+        # It is not lost: a person accepts it once the disk is mended.
+        self.assertEqual(self.wait_waiting(1).state, Alignment.NONE)
+        self.assertEqual(self.decide("accept").code, StatusCode.FILE_ERROR)
+        os.mkdir(self.folder.name + "/missing")
+        self.assertEqual(self.decide("accept").code, StatusCode.OK)
+        self.wait_tf(0.25)
+
+    def test_without_a_clock_nothing_is_said_to_be_broadcast(self):
+        """An earlier launch with a bag leaves /use_sim_time true on the master."""
+        rospy.set_param("/use_sim_time", True)
+        self.start_publisher(policy="confirm")
+        self.result(1, 0.25, header=std_msgs.msg.Header(), us_stamp=rospy.Time())
+        self.wait_waiting(1)
+        answer = self.decide("accept")
+        self.assertIn("nothing is broadcast before simulated time begins", answer.message)
+        self.diagnosis(lambda s: s.level == s.ERROR and "/use_sim_time is true" in s.message, "an error")
 
     def test_another_ct_suspends_it(self):
         self.start_publisher(policy="auto")

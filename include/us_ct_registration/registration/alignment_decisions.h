@@ -80,9 +80,13 @@ struct StoredAlignment {
   /// Digest of the last result that was accepted or rejected; 0: none. A result is sent again after
   /// a restart or a lost connection, and must not undo what was decided.
   std::uint32_t decided = 0;
+  /// Why the alignment is suspended, in words; empty if it is not. A restart must not take it up
+  /// again.
+  std::string suspended_because;
 
   bool operator==(const StoredAlignment& other) const {
-    return alignment == other.alignment && decided == other.decided;
+    return alignment == other.alignment && decided == other.decided &&
+           suspended_because == other.suspended_because;
   }
 };
 
@@ -148,7 +152,8 @@ class AlignmentDecisions {
   /// Sets the CT that a source shows.
   void hold_ct(CtSource source, const CtIdentity& ct, std::int64_t now_ns);
   /// Takes the alignment out of force for the reason in words, until a person accepts it again or
-  /// another, or reverts to none. Results that come meanwhile wait for a person.
+  /// another, or reverts to none, over restarts as well. Results that come meanwhile wait for a
+  /// person.
   void suspend(const std::string& reason) { suspended_because_ = reason; }
 
   /// kDone: the result is accepted, or waits for a decision. Otherwise kNotRegistered,
@@ -168,7 +173,7 @@ class AlignmentDecisions {
   DecisionAnswer revert();
 
   AlignmentState state() const;
-  StoredAlignment stored() const { return {current_, decided_}; }
+  StoredAlignment stored() const { return {current_, decided_, suspended_because_}; }
   /// Number of alignments that `revert` can go back to.
   std::size_t history() const { return history_.size(); }
 

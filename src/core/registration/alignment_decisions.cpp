@@ -66,6 +66,7 @@ DecisionAnswer AlignmentDecisions::restore(const StoredAlignment& stored, std::i
   current_ = stored.alignment;
   current_->restored = true;
   current_->result_id = 0;
+  suspended_because_ = stored.suspended_because;
   return {Code::kDone, "restored"};
 }
 
@@ -192,6 +193,7 @@ DecisionAnswer AlignmentDecisions::reject(std::uint64_t result_id) {
   if (result_id == kKept && restored_waits()) {
     const std::string name = named(*current_);
     current_.reset();
+    suspended_because_.clear();
     return {Code::kDone, name + " is rejected"};
   }
   return wrong_id(result_id, "rejected");

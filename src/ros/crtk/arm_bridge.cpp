@@ -151,20 +151,26 @@ std::optional<sensor_msgs::JointState> ArmBridge::take_joints(
   joints.header = message.header;
   joints.name = model_->joints();
   joints.position = positions(message);
-  if (repeats(message.header, modelled_)) return std::nullopt;
-  if (modelled_.empty()) first_joints_ = message.header.stamp;
-  compare({message.header.stamp, model_->T_base_tip(joints.position), joints.position}, modelled_,
-          measured_);
-  if (!options_.is_checked) return joints;
+  const bool is_new = !repeats(message.header, modelled_);
+  if (is_new) {
+    if (modelled_.empty()) first_joints_ = message.header.stamp;
+    compare({message.header.stamp, model_->T_base_tip(joints.position), joints.position}, modelled_,
+            measured_);
+  }
+  // Joints that were refused are no better when they are sent again.
+  if (options_.is_checked) require_agreement(message.header.stamp, topic);
+  const bool may_be_used = !options_.is_checked || !agreed_.isZero();
+  return is_new && may_be_used ? std::optional(joints) : std::nullopt;
+}
+
+void ArmBridge::require_agreement(const ::ros::Time& stamp, const std::string& topic) const {
   require(contradiction_.empty(), topic, contradiction_);
   const ::ros::Time& since = agreed_.isZero() ? first_joints_ : agreed_;
-  require(seconds_between(since, message.header.stamp) <= options_.max_age_s, topic,
+  require(seconds_between(since, stamp) <= options_.max_age_s, topic,
           "cannot be compared with " + options_.pose +
               formatted(": it has no stamp within %g s of those of the joints (pair_within) for "
                         "more than %g s (max_age)",
                         options_.pair_within_s, options_.max_age_s));
-  if (agreed_.isZero()) return std::nullopt;
-  return joints;
 }
 
 void ArmBridge::compare(Sample sample, Track& own, const Track& other) {

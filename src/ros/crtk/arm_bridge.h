@@ -108,6 +108,8 @@ class ArmBridge {
       const geometry_msgs::PoseStamped& message, const ::ros::Time& now);
   std::optional<sensor_msgs::JointState> take_joints(const sensor_msgs::JointState& message,
                                                      const ::ros::Time& now);
+  /// Throws InputError unless joints of this time and `measured_cp` say the same, or may still.
+  void require_agreement(const ::ros::Time& stamp, const std::string& topic) const;
   /// Positions of `options_.joints`, in this order.
   std::vector<double> positions(const sensor_msgs::JointState& message) const;
   void require_usable(const std_msgs::Header& header, const Track& before, const ::ros::Time& now,

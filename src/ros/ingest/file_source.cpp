@@ -6,6 +6,7 @@
 
 #include "ros/data_root.h"
 #include "ros/guarded_queue.h"
+#include "ros/message_limit.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -39,6 +40,10 @@ std::string FileVolume::awaited(const ::ros::Time& now) const {
 
 us_ct_registration::PreScanVolumePtr FileVolume::stamped(const ::ros::Time& now) const {
   return retelling([&] {
+    if (volume_.voxels.size() > kMostMessageBytes)
+      throw InputError(path_.string(),
+                       "has " + std::to_string(volume_.voxels.size()) + " samples, must have <= " +
+                           std::to_string(kMostMessageBytes) + " to be sent in one message");
     return stamped_message(volume_, options_.frame_id, options_.stamp, now, path_.string());
   });
 }

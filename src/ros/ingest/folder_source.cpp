@@ -16,17 +16,17 @@ FolderSource::FolderSource(::ros::NodeHandle node, const FileOptions& file,
       volumes_(volumes),
       folder_(file.ultrasound.path, folder.suffix, folder.settle_s, folder.take_existing,
               steady_s()),
+      passed_over_(folder_.passed_over()),
       timer_(node.createWallTimer(::ros::WallDuration(folder.period_s),
-                                  guarded([this](const ::ros::WallTimerEvent&) { look(); }))) {}
-
-void FolderSource::tell(const std::string& error) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  error_ = error;
+                                  guarded([this](const ::ros::WallTimerEvent&) { look(); }))) {
+  if (passed_over_ > 0)
+    ROS_INFO("%zu files were in the folder before the start, and are not read (folder_existing)",
+             passed_over_);
 }
 
-void FolderSource::tell_awaited(const std::string& awaited) {
+void FolderSource::tell(std::string& what, const std::string& text) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  awaited_ = awaited;
+  what = text;
 }
 
 bool FolderSource::is_done_with_first() try {
@@ -35,13 +35,13 @@ bool FolderSource::is_done_with_first() try {
                   file_);
   const ::ros::Time now = ::ros::Time::now();
   const std::string awaited = next_->awaited(now);
-  tell_awaited(awaited);
+  tell(awaited_, awaited);
   if (!awaited.empty()) return false;
   volumes_.publish(next_->stamped(now));
-  tell("");
+  tell(file_error_, "");
   return true;
 } catch (const std::exception& error) {
-  tell(error.what());
+  tell(file_error_, error.what());
   ROS_ERROR("%s", error.what());
   volumes_.announce_refused(error.what());
   return true;
@@ -54,9 +54,10 @@ void FolderSource::look() {
   try {
     for (std::filesystem::path& path : folder_.take(steady_s()))
       in_line_.push_back(std::move(path));
+    tell(folder_error_, "");
   } catch (const std::exception& error) {
     ROS_ERROR_THROTTLE(10.0, "%s", error.what());
-    tell(error.what());
+    tell(folder_error_, error.what());
   }
   for (; !in_line_.empty() && is_done_with_first(); in_line_.pop_front()) next_.reset();
 }
@@ -64,7 +65,9 @@ void FolderSource::look() {
 void FolderSource::describe(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!awaited_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, awaited_);
-  if (!error_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, error_);
+  for (const std::string& error : {file_error_, folder_error_})
+    if (!error.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, error);
+  status.add("files passed over at the start", passed_over_);
 }
 
 }  // namespace usct::ros_interface

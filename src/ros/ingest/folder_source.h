@@ -30,8 +30,8 @@ class FolderSource : public IngestSource {
   void look();
   /// Publishes or reports the first file in line; returns false if it cannot be stamped yet.
   bool is_done_with_first();
-  void tell(const std::string& error);
-  void tell_awaited(const std::string& awaited);
+  /// Sets one of the texts that the diagnostics show.
+  void tell(std::string& what, const std::string& text);
 
   const FileOptions file_;
   VolumePublisher& volumes_;
@@ -40,10 +40,12 @@ class FolderSource : public IngestSource {
   std::deque<std::filesystem::path> in_line_;
   std::optional<FileVolume> next_;  // of the first file in line, if it was read and waits
   int taken_ = 0;
-  std::mutex mutex_;        // guards the next two
-  std::string error_;       // of the last file or the folder; empty if the last file was published
-  std::string awaited_;     // by the first file in line; empty if none waits
-  ::ros::WallTimer timer_;  // last: its callback uses all of the above
+  const std::size_t passed_over_;
+  std::mutex mutex_;          // guards the next three
+  std::string file_error_;    // of the last file; empty if it was published
+  std::string folder_error_;  // of the last look; empty if the folder could be read
+  std::string awaited_;       // by the first file in line; empty if none waits
+  ::ros::WallTimer timer_;    // last: its callback uses all of the above
 };
 
 }  // namespace usct::ros_interface

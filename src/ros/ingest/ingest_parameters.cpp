@@ -1,5 +1,6 @@
 #include "ros/ingest/ingest_parameters.h"
 
+#include "ros/message_limit.h"
 #include "ros/parameters.h"
 #include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
@@ -30,8 +31,9 @@ void read_frames(Parameters& parameters, FrameStreamOptions& frames) {
   assembly.sweep_pause_s = parameters.number("sweep_pause", 1.0, 0.1, 60.0);
   assembly.max_missing = parameters.number("max_missing", 0.1, 0.0, 0.9);
   assembly.max_frames = parameters.whole("max_frames", 2000, 2, 1000000);
-  assembly.max_bytes = kBytesPerMegabyte *
-                       static_cast<std::size_t>(parameters.whole("max_volume_mb", 1000, 1, 100000));
+  constexpr int kMostMegabytes = static_cast<int>(kMostMessageBytes / kBytesPerMegabyte);
+  assembly.max_bytes = kBytesPerMegabyte * static_cast<std::size_t>(parameters.whole(
+                                               "max_volume_mb", kMostMegabytes, 1, kMostMegabytes));
   assembly.image_lag_s = parameters.number("image_lag", 0.0, -2.0, 2.0);
   frames.pose_frame = parameters.frame("pose_frame", "");
   frames.tf_wait_s = parameters.number("tf_wait", 0.5, 0.0, 10.0);

@@ -21,6 +21,7 @@ WatchedFolder::WatchedFolder(const fs::path& folder, const std::string& suffix, 
     : folder_(folder), suffix_(suffix), settle_s_(settle_s) {
   files_ = look(now_s);
   for (auto& [path, file] : files_) file.taken = !take_existing;
+  passed_over_ = take_existing ? 0 : files_.size();
 }
 
 std::map<fs::path, WatchedFolder::File> WatchedFolder::look(double now_s) const {

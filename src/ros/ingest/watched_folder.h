@@ -24,6 +24,9 @@ class WatchedFolder {
   /// read.
   std::vector<std::filesystem::path> take(double now_s);
 
+  /// Number of the files that were there already and counted as taken.
+  std::size_t passed_over() const { return passed_over_; }
+
  private:
   struct File {
     std::uintmax_t size = 0;
@@ -37,6 +40,7 @@ class WatchedFolder {
   std::filesystem::path folder_;
   std::string suffix_;
   double settle_s_;
+  std::size_t passed_over_ = 0;
   std::map<std::filesystem::path, File> files_;
 };
 

@@ -26,7 +26,7 @@ StoredAlignment example() {
   alignment.ct_crc32 = 4294967295U;
   alignment.covariance.diagonal() << 1e-6, 2e-6, 3e-6, 1.0 / 3.0, 5e-6, 6e-6;
   alignment.covariance(0, 4) = alignment.covariance(4, 0) = -1e-7;
-  return {alignment, 17};
+  return {alignment, 17, "two parents"};
 }
 
 std::string text_of(const std::filesystem::path& path) {
@@ -54,6 +54,7 @@ TEST(AlignmentFile, ComesBackBitByBitAsRestored) {
   ASSERT_TRUE(back.alignment);
   EXPECT_TRUE(*back.alignment == expected);
   EXPECT_EQ(back.decided, 17U);
+  EXPECT_EQ(back.suspended_because, "two parents");
 }
 
 TEST(AlignmentFile, AnUnknownErrorAndNoAlignmentComeBack) {

@@ -363,6 +363,36 @@ TEST(AlignmentDecisions, ZeroTakesUpNoSuspendedAlignmentFromBeforeARestart) {
   EXPECT_TRUE(broadcast(decisions).restored);
 }
 
+TEST(AlignmentDecisions, ARestartDoesNotTakeUpASuspendedAlignment) {
+  AlignmentDecisions earlier(automatic());
+  earlier.offer(registered(4), kNow);
+  earlier.suspend("two parents");
+  AlignmentDecisions decisions(automatic());
+  decisions.restore(earlier.stored(), kNow);
+  decisions.hold_ct(CtSource::kServer, kHeld, kNow);
+  EXPECT_FALSE(decisions.state().broadcast);
+  EXPECT_THAT(decisions.state().message, HasSubstr("is suspended: two parents"));
+  EXPECT_THAT(decisions.offer(registered(5), kNow).message, HasSubstr("waits"));
+  EXPECT_EQ(decisions.reject(5).code, Code::kDone);
+  EXPECT_EQ(decisions.accept(kKept, kNow).code, Code::kDone);
+  EXPECT_TRUE(broadcast(decisions).restored);
+  EXPECT_EQ(decisions.stored().suspended_because, "");
+}
+
+TEST(AlignmentDecisions, ASuspendedAlignmentFromBeforeARestartIsGivenUpWithItsSuspension) {
+  AlignmentDecisions earlier(automatic());
+  earlier.offer(registered(4), kNow);
+  earlier.suspend("two parents");
+  AlignmentDecisions::Options by_a_person = automatic();
+  by_a_person.restore_at_once = false;
+  AlignmentDecisions decisions(by_a_person);
+  decisions.restore(earlier.stored(), kNow);
+  EXPECT_EQ(decisions.reject(kKept).code, Code::kDone);
+  EXPECT_FALSE(decisions.state().is_suspended);
+  decisions.offer(registered(5), kNow);
+  EXPECT_EQ(broadcast(decisions).result_id, 5U);
+}
+
 TEST(AlignmentDecisions, ASuspendedAlignmentIsNotRejectedButReverted) {
   AlignmentDecisions decisions(automatic());
   decisions.offer(registered(1), kNow);

@@ -56,7 +56,7 @@ Bytes alignment(const fs::path& folder) {
   alignment.us_stamp_ns = 1'700'000'000'000'000'000;
   alignment.accepted_ns = 1'700'000'001'000'000'000;
   return written(folder, "alignment.json", [&](const fs::path& path) {
-    write_alignment({alignment, 77}, path);
+    write_alignment({alignment, 77, "two parents"}, path);
   });
 }
 

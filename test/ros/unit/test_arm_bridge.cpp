@@ -336,6 +336,16 @@ TEST_F(ArmBridgeTest, TheSameJointsAgainAreNotPublishedAgain) {
   EXPECT_FALSE(arm.take(joints(99.9, q_), now_));
 }
 
+/// Robots send a state again. That must not end the error that the joints are.
+TEST_F(ArmBridgeTest, RefusedJointsStayRefusedWhenTheyAreSentAgain) {
+  ArmBridge arm = of_joints();
+  arm.take(pose(99.9, T_base_tip(q_, 15.2)), now_);
+  for (int sent = 0; sent < 2; ++sent)
+    EXPECT_THAT(refusal([&] { arm.take(joints(99.9, q_), now_); }), HasSubstr("contradicts"));
+  EXPECT_THAT(arm.report().problem, HasSubstr("contradicts"));
+  EXPECT_TRUE(arm.report().newest.isZero());
+}
+
 /// The report tells of the topic that tf depends on: while its joints are silent, an arm whose
 /// poses arrive is not connected.
 TEST_F(ArmBridgeTest, TheReportIsThatOfTheTopicThatLeads) {

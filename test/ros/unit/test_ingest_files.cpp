@@ -6,6 +6,7 @@
 #include "core/io/temporary_folder.h"
 #include "ros/conversions/times.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/ingest/file_source.h"
 #include "ros/ingest/ultrasound_file.h"
 #include "ros/ingest/watched_folder.h"
 #include "us_ct_registration/error.h"
@@ -21,6 +22,12 @@ using testing::IsEmpty;
 
 void write(const fs::path& path, const std::string& text) {
   std::ofstream(path, std::ios::app) << text;
+}
+
+std::vector<double> evenly_spaced(int count) {
+  std::vector<double> angles;
+  for (int i = 0; i < count; ++i) angles.push_back(0.001 * (i - 0.5 * count));
+  return angles;
 }
 
 TEST(WatchedFolder, TakesAFileOnceWhenItHasStoppedGrowing) {
@@ -43,6 +50,8 @@ TEST(WatchedFolder, LeavesOldHiddenAndOtherFilesAlone) {
   write(folder.path() / "old.nrrd", "1");
   WatchedFolder watched(folder.path(), ".nrrd", 0.0, false, 0.0);
   WatchedFolder greedy(folder.path(), ".nrrd", 0.0, true, 0.0);
+  EXPECT_EQ(watched.passed_over(), 1U);
+  EXPECT_EQ(greedy.passed_over(), 0U);
   write(folder.path() / ".tmp-new.nrrd", "1");
   write(folder.path() / "new.txt", "1");
   write(folder.path() / "new.nrrd", "1");
@@ -110,6 +119,28 @@ TEST(StampedMessage, HasTheAcquisitionTimeOrIsRefused) {
   read.acquisition_time.clear();
   EXPECT_THROW(stamped(FileStamp::kAcquisition, later), InputError);
   EXPECT_EQ(stamped(FileStamp::kReading, ::ros::Time(7.0))->header.stamp, ::ros::Time(7.0));
+}
+
+/// roscpp would close the connections of all subscribers for ever.
+TEST(FileVolume, ThatNoMessageCanHoldIsRefused) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "us.nrrd";
+  PreScanVolume volume;
+  const int samples = 20'000;
+  const int lines = 500;
+  const int frames = 96;
+  volume.geometry = {{samples, 1.0, 0.01},
+                     CurvilinearArray{40.0, evenly_spaced(lines)},
+                     MotorSweep{27.0, evenly_spaced(frames), 0.0}};
+  volume.acquisition_time = "2024-05-17T09:30:00Z";
+  volume.voxels.resize(std::size_t{samples} * lines * frames);
+  write_prescan_nrrd(volume, path);
+  FileOptions options;
+  options.frame_id = "us";
+  const FileVolume read(path, "file 1", options);
+  EXPECT_THAT([&] { read.stamped(::ros::Time(1716000000, 0)); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  HasSubstr("file 1: has 960000000 samples, must have <= 950000000")));
 }
 
 TEST(FileStamp, OfReadingWaitsForTheClockAlone) {

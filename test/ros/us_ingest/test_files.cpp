@@ -77,6 +77,17 @@ TEST(Folder, TakesWholeFilesReportsBadOnesAndGoesOn) {
   EXPECT_EQ(volumes.all()[0]->header.stamp, ::ros::Time(1715938200, 0));
   EXPECT_EQ(volumes.all()[0]->header.frame_id, "us");
 
+  // A share that has dropped out and is back is an error no longer, though no file comes.
+  const fs::path away = elsewhere.path() / "away";
+  fs::rename(folder.path(), away);
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics, "watching",
+                                   diagnostic_msgs::DiagnosticStatus::ERROR,
+                                   "the folder cannot be read"));
+  fs::rename(away, folder.path());
+  const Inbox<diagnostic_msgs::DiagnosticArray> later(node, "/diagnostics");
+  EXPECT_TRUE(wait_for_diagnostics(later, "watching", diagnostic_msgs::DiagnosticStatus::OK,
+                                   "volumes published"));
+
   // The names of files may be those of patients.
   const Inbox<rosgraph_msgs::Log> log(node, "/rosout");
   std::ofstream(folder.path() / "DOE_JOHN.nrrd", std::ios::binary)

@@ -81,6 +81,8 @@ StoredAlignment read_alignment(const fs::path& path) {
       throw InputError(path.string(), "'format' must be '" + std::string(kFormat) + "'");
     StoredAlignment stored;
     stored.decided = content.at("decided_result_crc32").get<std::uint32_t>();
+    // Files of earlier versions have no such key.
+    stored.suspended_because = content.value("suspended_because", "");
     if (!content.at("alignment").is_null())
       stored.alignment = alignment_from(content.at("alignment"), path.string());
     return stored;
@@ -93,6 +95,7 @@ void write_alignment(const StoredAlignment& stored, const fs::path& path) {
   const UnorderedJson content = {
       {"format", kFormat},
       {"decided_result_crc32", stored.decided},
+      {"suspended_because", stored.suspended_because},
       {"alignment", stored.alignment ? to_json(*stored.alignment) : UnorderedJson(nullptr)}};
   const UnorderedJson json = {{"content", content}, {"crc32", checksum(content)}};
   write_text(path, json.dump(2) + "\n");
