@@ -24,12 +24,6 @@ void write(const fs::path& path, const std::string& text) {
   std::ofstream(path, std::ios::app) << text;
 }
 
-std::vector<double> evenly_spaced(int count) {
-  std::vector<double> angles;
-  for (int i = 0; i < count; ++i) angles.push_back(0.001 * (i - 0.5 * count));
-  return angles;
-}
-
 TEST(WatchedFolder, TakesAFileOnceWhenItHasStoppedGrowing) {
   const test::TemporaryFolder folder;
   WatchedFolder watched(folder.path(), "", 1.0, false, 0.0);
@@ -125,19 +119,14 @@ TEST(StampedMessage, HasTheAcquisitionTimeOrIsRefused) {
 TEST(FileVolume, ThatNoMessageCanHoldIsRefused) {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "us.nrrd";
-  PreScanVolume volume;
-  const int samples = 20'000;
-  const int lines = 500;
-  const int frames = 96;
-  volume.geometry = {{samples, 1.0, 0.01},
-                     CurvilinearArray{40.0, evenly_spaced(lines)},
-                     MotorSweep{27.0, evenly_spaced(frames), 0.0}};
-  volume.acquisition_time = "2024-05-17T09:30:00Z";
-  volume.voxels.resize(std::size_t{samples} * lines * frames);
-  write_prescan_nrrd(volume, path);
-  FileOptions options;
-  options.frame_id = "us";
-  const FileVolume read(path, "file 1", options);
+  const std::string header =
+      "NRRD0005\ntype: unsigned char\ndimension: 3\nsizes: 240000000 2 2\nencoding: raw\n"
+      "usct_geometry:=motorised_curvilinear\nstart_depth_mm:=0\nsample_spacing_mm:=1e-6\n"
+      "probe_radius_mm:=40\nline_angles_deg:=-5 5\nmotor_radius_mm:=27\n"
+      "frame_angles_deg:=-5 5\nacquisition_time:=2024-05-17T09:30:00Z\n\n";
+  write(path, header);
+  fs::resize_file(path, header.size() + 960'000'000);  // sparse
+  const FileVolume read(path, "file 1", {});
   EXPECT_THAT([&] { read.stamped(::ros::Time(1716000000, 0)); },
               testing::ThrowsMessage<std::runtime_error>(
                   HasSubstr("file 1: has 960000000 samples, must have <= 950000000")));
