@@ -50,6 +50,9 @@ foreach(folder ${test_folders})
 endforeach()
 target_include_directories(test_io SYSTEM PRIVATE ${transform_includes})
 target_link_libraries(test_io ITKIOTransformInsightLegacy ITKIOTransformHDF5 ${HDF5_LIBRARIES})
+# The tools are tested as programs, but for what a signal ends at a moment that only a test's own program knows.
+target_include_directories(test_tools PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(test_tools usct_tools)
 
 # The ROS interface: test/ros/unit needs no master (one executable, test_ros); each NAME.test beside it
 # launches nodes, with its own test program from the sources in the folder NAME if there is one.

@@ -1,15 +1,20 @@
 #include "program.h"
 
+#include <pthread.h>
+
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 #include "exit_status.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/temporary_path.h"
 
 namespace usct::tools {
 namespace {
@@ -68,6 +73,23 @@ void require_outputs_apart(const CLI::App& app) {
       if (is_written(*output) && other != output) require_apart(*output, *other);
 }
 
+/// A program that Ctrl-C, a scheduler or a closed terminal ends leaves no temporary files behind. A
+/// thread of its own waits for the signal, since a handler could call hardly anything.
+void leave_nothing_behind() {
+  sigset_t ends;
+  sigemptyset(&ends);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ends, signal);
+  pthread_sigmask(SIG_BLOCK, &ends, nullptr);  // for all threads that start later as well
+  std::thread([ends] {
+    int signal = 0;
+    if (sigwait(&ends, &signal) != 0) return;
+    remove_temporary_paths();
+    std::signal(signal, SIG_DFL);
+    pthread_sigmask(SIG_UNBLOCK, &ends, nullptr);
+    std::raise(signal);
+  }).detach();
+}
+
 int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   app.set_version_flag("--version", USCT_VERSION);
   app.require_subcommand(1);
@@ -98,6 +120,7 @@ void require_printed() {
 }
 
 int run_program(CLI::App& app, const Run& run, int argc, char** argv) {
+  leave_nothing_behind();
   try {
     return parse_and_run(app, run, argc, argv);
   } catch (const InputError& error) {

@@ -11,29 +11,12 @@
 #include <string>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/temporary_path.h"
 
 namespace usct {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Removes the temporary file at the end of its scope. After a successful rename there is no file
-/// of this name, and nothing is removed.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(fs::path path) : path_(std::move(path)) {}
-  ~TemporaryFile() {
-    std::error_code ignored;
-    fs::remove(path_, ignored);
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 fs::path folder_of(const fs::path& target) {
   return target.has_parent_path() ? target.parent_path() : fs::path(".");
@@ -104,7 +87,7 @@ void write_atomically(const fs::path& named,
   const fs::path target = behind_links(named);
   check_target(target);
   const fs::path folder = folder_of(target);
-  const TemporaryFile temporary(temporary_path(target));
+  const TemporaryPath temporary(temporary_path(target));
   check_folder_is_writable(target, temporary.path());
   write(temporary.path());
   flush_to_disk(temporary.path(), O_RDONLY, target);

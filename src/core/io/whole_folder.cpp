@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/io/temporary_path.h"
 
 namespace usct {
 namespace {
@@ -34,18 +35,14 @@ void require_new_folder(const fs::path& folder) {
 void write_whole_folder(const fs::path& folder, const std::function<void(const fs::path&)>& write) {
   require_new_folder(folder);
   const fs::path target = without_trailing_slash(folder);
-  const fs::path temporary =
+  const fs::path made =
       parent_of(target) / ("." + target.filename().string() + ".tmp-" + std::to_string(getpid()));
   std::error_code error;
-  if (!fs::create_directory(temporary, error))
+  if (!fs::create_directory(made, error))
     throw InputError(folder.string(), "cannot be created: " + error.message());
-  try {
-    write(temporary);
-    fs::rename(temporary, target);
-  } catch (...) {
-    fs::remove_all(temporary, error);
-    throw;
-  }
+  const TemporaryPath temporary(made);  // from here on: one that is there already is another's
+  write(temporary.path());
+  fs::rename(temporary.path(), target);
 }
 
 }  // namespace usct
