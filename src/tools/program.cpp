@@ -73,12 +73,19 @@ void require_outputs_apart(const CLI::App& app) {
       if (is_written(*output) && other != output) require_apart(*output, *other);
 }
 
+/// `nohup` and shells in the background have signals ignored. Waiting for one would still get it.
+bool is_ignored(int signal) {
+  struct sigaction action = {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
 /// A program that Ctrl-C, a scheduler or a closed terminal ends leaves no temporary files behind. A
 /// thread of its own waits for the signal, since a handler could call hardly anything.
 void leave_nothing_behind() {
   sigset_t ends;
   sigemptyset(&ends);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ends, signal);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (!is_ignored(signal)) sigaddset(&ends, signal);
   pthread_sigmask(SIG_BLOCK, &ends, nullptr);  // for all threads that start later as well
   std::thread([ends] {
     int signal = 0;

@@ -15,6 +15,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
+int run_as_program(const Run& run) {
+  CLI::App app;
+  app.add_subcommand("write");
+  std::string program = "program";
+  std::string command = "write";
+  char* arguments[] = {program.data(), command.data()};
+  return run_program(app, run, 2, arguments);
+}
+
 /// A program that the signal reaches while it writes a file and a folder.
 void run_until(int signal, const fs::path& outputs) {
   const Run run = [&] {
@@ -28,12 +37,20 @@ void run_until(int signal, const fs::path& outputs) {
     });
     return 0;
   };
-  CLI::App app;
-  app.add_subcommand("write");
-  std::string program = "program";
-  std::string command = "write";
-  char* arguments[] = {program.data(), command.data()};
-  run_program(app, run, 2, arguments);
+  run_as_program(run);
+}
+
+TEST(Program, GoesOnIfTheSignalIsIgnoredAsByNohup) {
+  const auto hang_up = [] {
+    std::signal(SIGHUP, SIG_IGN);
+    const Run run = [] {
+      ::kill(::getpid(), SIGHUP);
+      ::usleep(100'000);
+      return 7;
+    };
+    ::_exit(run_as_program(run));
+  };
+  EXPECT_EXIT(hang_up(), testing::ExitedWithCode(7), "");
 }
 
 TEST(Program, LeavesNothingBehindWhenASignalEndsIt) {
