@@ -40,17 +40,18 @@ void run_until(int signal, const fs::path& outputs) {
   run_as_program(run);
 }
 
+/// A program that ignores the signal, gets it and goes on.
+void ignore(int signal) {
+  std::signal(signal, SIG_IGN);
+  ::_exit(run_as_program([signal] {
+    ::kill(::getpid(), signal);
+    ::usleep(100'000);
+    return 7;
+  }));
+}
+
 TEST(Program, GoesOnIfTheSignalIsIgnoredAsByNohup) {
-  const auto hang_up = [] {
-    std::signal(SIGHUP, SIG_IGN);
-    const Run run = [] {
-      ::kill(::getpid(), SIGHUP);
-      ::usleep(100'000);
-      return 7;
-    };
-    ::_exit(run_as_program(run));
-  };
-  EXPECT_EXIT(hang_up(), testing::ExitedWithCode(7), "");
+  EXPECT_EXIT(ignore(SIGHUP), testing::ExitedWithCode(7), "");
 }
 
 TEST(Program, LeavesNothingBehindWhenASignalEndsIt) {
