@@ -19,7 +19,7 @@ std::vector<std::string_view> split(std::string_view text, char separator);
 std::string lower_case(std::string_view text);
 
 /// Text for a message: in quotes, long text cut, unprintable bytes replaced.
-std::string in_quotes(std::string_view text);
+std::string in_quotes(std::string_view text, std::size_t longest = 60);
 
 /// Throws InputError, naming `field`, unless the whole text is one finite number.
 double parse_double(std::string_view text, const std::string& source, const std::string& field);

@@ -130,9 +130,11 @@ void add_overlay_command(CLI::App& app, Run& run) {
       ->required();
   command->add_option("--image", options->image, "picture of the camera, .png [a plain one]");
   command->add_option("--output", options->output, "picture to write, .png")->required();
-  command->add_option("--band", options->bands,
-                      "name of a structure that gets an uncertainty band; several times for more");
+  CLI::Option* band = command->add_option(
+      "--band", options->bands,
+      "name of a structure that gets an uncertainty band; several times for more");
   command->add_option("--bound", options->bound_mm, "radius of the band, mm")
+      ->needs(band)
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   command->add_option("--opacity", options->opacity, "opacity of the fill")

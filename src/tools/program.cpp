@@ -19,15 +19,21 @@
 namespace usct::tools {
 namespace {
 
-/// CLI11 says of a subcommand that it does not know that one is required.
-void require_known_subcommand(const CLI::App& app, const std::string& name) {
-  if (name.empty() || name.front() == '-') return;
+const CLI::App& known_subcommand(const CLI::App& app, const std::string& name) {
   std::string known;
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
-    if (sub->check_name(name)) return;
-    known += (known.empty() ? "" : ", ") + sub->get_name();
+    if (sub->check_name(name)) return *sub;
+    if (!sub->get_name().empty()) known += (known.empty() ? "" : ", ") + sub->get_name();
   }
   throw InputError("subcommand", "is '" + name + "', must be one of " + known);
+}
+
+/// CLI11 says of a subcommand that it does not know that one is required.
+void require_known_subcommands(const CLI::App& app, char** names, char** end) {
+  if (app.get_require_subcommand_min() == 0 || names == end) return;
+  const std::string name = *names;
+  if (name.empty() || name.front() == '-') return;
+  require_known_subcommands(known_subcommand(app, name), names + 1, end);
 }
 
 /// All options that the command line gives.
@@ -103,7 +109,7 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   app.footer(
       "Exit status: 0 done, 1 the program or the machine failed, 2 bad arguments or input, 3 not "
       "registered.");
-  if (argc > 1) require_known_subcommand(app, argv[1]);
+  require_known_subcommands(app, argv + 1, argv + argc);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

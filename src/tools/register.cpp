@@ -309,13 +309,15 @@ void add_register_command(CLI::App& app, Run& run) {
                          "(.tfm, .txt, .h5)"));
   sub->add_option("--pictures", command->pictures,
                   "folder to draw pictures in, made if absent: before and after, fused, slices");
-  sub->add_option("--targets", command->targets,
-                  "CSV x,y,z of points of the US frame, mm: prints the error that the result "
-                  "expects there");
+  CLI::Option* targets =
+      sub->add_option("--targets", command->targets,
+                      "CSV x,y,z of points of the US frame, mm: prints the error that the result "
+                      "expects there");
   command->ultrasound.add_to(*sub);
   add_dicom_options(*sub, command->dicom);
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
-  sub->add_flag("--json", command->json, "print the result as JSON instead of a summary");
+  sub->add_flag("--json", command->json, "print the result as JSON instead of a summary")
+      ->excludes(targets);
   sub->callback([command, &run] { run = [command] { return run_register(*command); }; });
 }
 

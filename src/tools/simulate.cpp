@@ -55,10 +55,13 @@ void complete(SimulateCommand& command) {
     command.conditioning.depth.max_mm = command.depth_mm[1];
   }
   const SimulationOptions& simulation = command.simulation;
-  if (simulation.signed_reflection && simulation.log_compression == LogCompression::kIntensity)
-    throw InputError("--signed",
-                     "is given, must be left out unless --log-compression is reflection: "
-                     "the intensity has no sign");
+  if (simulation.log_compression == LogCompression::kIntensity) {
+    const std::string only = "is given, must be left out unless --log-compression is reflection: ";
+    if (simulation.signed_reflection)
+      throw InputError("--signed", only + "the intensity has no sign");
+    if (simulation.reflection_scale != SimulationOptions().reflection_scale)
+      throw InputError("--reflection-scale", only + "the intensity is not scaled");
+  }
   command.conditioning.depth.automatic = !command.no_auto_depth;
   if (command.fit_to != Normalisation::kNone) command.conditioning.normalisation = command.fit_to;
   command.simulation.validate("--ct options");
@@ -141,12 +144,18 @@ void add_simulation_options(CLI::App& app, SimulateCommand& command) {
       ->capture_default_str();
   group->add_option("--transmission-length", o.transmission_length_mm,
                     "eq 4.6: one factor t per this path, mm [per sample]");
-  group->add_flag("--occlusion", o.occlusion.by_threshold,
-                  "bone and gas reflect everything (patients)");
-  group->add_option("--bone-hu", o.occlusion.bone_hu, "bone from here, HU")->capture_default_str();
-  group->add_option("--gas-hu", o.occlusion.gas_hu, "gas below, HU")->capture_default_str();
-  group->add_option("--echo", o.occlusion.echo_mm,
-                    "bone and gas echo for this length along the beam, mm [they are occluded]");
+  CLI::Option* occlusion = group->add_flag("--occlusion", o.occlusion.by_threshold,
+                                           "bone and gas reflect everything (patients)");
+  group->add_option("--bone-hu", o.occlusion.bone_hu, "bone from here, HU")
+      ->needs(occlusion)
+      ->capture_default_str();
+  group->add_option("--gas-hu", o.occlusion.gas_hu, "gas below, HU")
+      ->needs(occlusion)
+      ->capture_default_str();
+  group
+      ->add_option("--echo", o.occlusion.echo_mm,
+                   "bone and gas echo for this length along the beam, mm [they are occluded]")
+      ->needs(occlusion);
   group
       ->add_option("--log-compression", o.log_compression,
                    "eq 4.7 of the reflection, or of the intensity as printed")

@@ -138,12 +138,22 @@ StudyExtras extras_of(const StudyCommand& command, const StudyPlan& plan, const 
   return extras;
 }
 
+/// Pictures come after hours of registrations.
+void require_picture_folder(const StudyCommand& command) {
+  if (command.pictures.empty()) return;
+  std::error_code error;
+  fs::create_directories(command.pictures, error);
+  if (!fs::is_directory(command.pictures))
+    throw InputError("--pictures", "'" + command.pictures + "' cannot be made: " + error.message());
+}
+
 /// Carries out the study of a file, in its folder of results.
 int run_file(const StudyCommand& command) {
   refuse(command.of_cases, "belongs into the study file, must not be given beside it");
   const fs::path file = command.inputs.front();
   const fs::path root = command.root.empty() ? file.parent_path() : fs::path(command.root);
   const StudyPlan plan = plan_study(read_study(file, root));
+  require_picture_folder(command);
   StudyWork work = work_of(command);
   work.folder = command.output.empty() ? root / file.stem() : fs::path(command.output);
   const CaseSource cases = case_reader(plan.study);
@@ -176,26 +186,23 @@ void print_tables(const StudyCommand& command, const StudyPlan& plan, const Case
 
 /// Places are checked and made first, since hours of work must not be lost at the end.
 void require_places(const StudyCommand& command) {
-  if (!command.output.empty()) {
-    const fs::path folder = fs::absolute(command.output).parent_path();
-    if (!fs::is_directory(folder))
-      throw InputError("--output",
-                       "lies in '" + folder.string() + "', must be in a folder that exists");
-    if (fs::path(command.output).extension() != ".json")
-      throw InputError("--output", "is '" + command.output + "', must end in .json");
-    require_writable(command.output);
-  }
-  if (command.pictures.empty()) return;
-  std::error_code error;
-  fs::create_directories(command.pictures, error);
-  if (!fs::is_directory(command.pictures))
-    throw InputError("--pictures", "'" + command.pictures + "' cannot be made: " + error.message());
+  if (command.output.empty()) return;
+  const fs::path folder = fs::absolute(command.output).parent_path();
+  if (!fs::is_directory(folder))
+    throw InputError("--output",
+                     "lies in '" + folder.string() + "', must be in a folder that exists");
+  if (fs::path(command.output).extension() != ".json")
+    throw InputError("--output", "is '" + command.output + "', must end in .json");
+  require_writable(command.output);
 }
 
 int run_cases(const StudyCommand& command) {
   refuse(command.of_file, "is for a study file, must not be given with cases");
   const Study study = study_of_cases(command);
+  if (command.profiles && command.output.empty())
+    throw InputError("--profiles", "is given without --output, the file that they go into");
   require_places(command);
+  require_picture_folder(command);
   const StudyPlan plan = plan_study(study);
   const CaseSource cases = case_reader(study);
   const std::vector<StudyRun> runs =

@@ -16,6 +16,8 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using rendering::Panels;
 
+constexpr const char* kFusion = "fusion.png";
+constexpr const char* kSlices = "slices.png";
 constexpr int kLegendPx = 24;
 constexpr int kCaptionPx = 16;
 constexpr int kParallelSlices = 5;
@@ -160,10 +162,12 @@ std::vector<std::filesystem::path> write_registration_pictures(
     paths.push_back(folder / name);
     write_png(picture, paths.back());
   };
+  // A picture of an earlier registration would stand beside this one's, as if it belonged to it.
+  for (const char* name : {kFusion, kSlices}) std::filesystem::remove(folder / name);
   write("before_after.png", before_after_sheet(panels, T_us_ct_before, result));
   if (!T_us_ct_after) return paths;
-  write("fusion.png", fusion_sheet(panels, *T_us_ct_after, result));
-  write("slices.png", parallel_sheet(panels, *T_us_ct_after, result));
+  write(kFusion, fusion_sheet(panels, *T_us_ct_after, result));
+  write(kSlices, parallel_sheet(panels, *T_us_ct_after, result));
   return paths;
 }
 

@@ -261,7 +261,7 @@ void add_write(CLI::App& bag, Run& run) {
   sub->add_option("--endoscope-delay", options.endoscope_delay_s,
                   "from the end of the last sweep to the video, s")
       ->capture_default_str();
-  add_dicom_options(*sub, command->dicom);
+  all_need(ct, *add_dicom_options(*sub, command->dicom));
   command->ultrasound.add_to(*sub);
   sub->callback([command, &run] { run = [command] { return run_write(*command); }; });
 }
@@ -273,8 +273,8 @@ void add_read(CLI::App& bag, Run& run) {
       "Found by the type of the messages, whatever their topics are called.");
   auto command = std::make_shared<BagReadCommand>();
   sub->add_option("bag", command->bag, "bag to read")->required();
-  sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd");
-  sub->add_option("--ct", command->ct, "CT to write, .nrrd, .mha, .nii.gz");
+  writes(sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd"));
+  writes(sub->add_option("--ct", command->ct, "CT to write, .nrrd, .mha, .nii.gz"));
   sub->add_option("--index", command->index, "which sweep (or CT) of the bag, from 0")
       ->check(at_least(0))
       ->capture_default_str();

@@ -112,7 +112,7 @@ void add_video_command(CLI::App& bag, Run& run) {
   sub->add_option("--topic", command->topic, "topic of the images, with its leading slash")
       ->required();
   sub->add_option("--output", command->video, "video to write, .avi (Motion JPEG)")->required();
-  sub->add_option("--picture", command->picture, "the middle image as a picture, .png");
+  writes(sub->add_option("--picture", command->picture, "the middle image as a picture, .png"));
   sub->callback([command, &run] { run = [command] { return run_video(*command); }; });
 }
 

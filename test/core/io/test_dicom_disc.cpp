@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -41,11 +42,11 @@ class DicomDisc : public testing::Test {
     std::ofstream(ct() / ".DS_Store") << "x";
   }
   fs::path ct() const { return folder_.path() / "study" / "ct"; }
-  void add_second_ct() {
+  void add_second_ct(const std::string& series_uid = "1.2.826.0.1.3680043.2.1.2") {
     std::vector<DicomSlice> slices = test::slices_of(small_grid());
     fs::create_directories(folder_.path() / "study" / "ct2");
     for (DicomSlice& slice : slices) {
-      slice.series_uid = "1.2.826.0.1.3680043.2.1.2";
+      slice.series_uid = series_uid;
       slice.series_number = 2;
       slice.hounsfield = [](const Eigen::Vector3d&) { return 77.0; };
     }
@@ -101,6 +102,24 @@ TEST_F(DicomDisc, OneOfSeveralCtSeriesMustBeChosen) {
   EXPECT_TRUE(warned(first, "1.2.826.0.1.3680043.2.1.2 of modality CT"));
   options.series_uid = "1.2.3";
   expect_input_error([&] { read_dicom_ct(folder_.path(), options); }, {"'1.2.3'", "among"});
+}
+
+/// DICOM allows 64 characters, and many programs use them all.
+TEST_F(DicomDisc, AUidIsNamedAsTheOptionTakesIt) {
+  const std::string longest = "1.2.826.0.1.3680043.8.498.12345678901234567890123456789012345678";
+  ASSERT_EQ(longest.size(), 64U);
+  add_second_ct(longest);
+  expect_input_error([&] { read_dicom_ct(folder_.path()); }, {longest + ": CT, "});
+  DicomReadOptions options;
+  options.series_uid = longest;
+  EXPECT_EQ(read_dicom_ct(folder_.path(), options).volume.at(3, 3, 3), 77);
+}
+
+TEST_F(DicomDisc, ASeriesThatNoOptionChoosesIsDescribedBesideTheOthers) {
+  add_second_ct("");
+  const std::string described = describe_dicom(folder_.path());
+  EXPECT_THAT(described, testing::HasSubstr("'SeriesInstanceUID' is empty"));
+  EXPECT_THAT(described, testing::HasSubstr(DicomSlice().series_uid));
 }
 
 TEST_F(DicomDisc, OneFileStandsForItsSeries) {

@@ -109,6 +109,13 @@ TEST_F(Nifti, FormsThatAgreeAreReadAndOthersRefused) {
   expect_refused(both.put(268, 11.0F), {"qform", "sform", "1 mm apart"});
 }
 
+/// A qform cannot hold the shear of a tilted gantry: that it disagrees is no reason to switch the
+/// sform off, which would be read with a wrong geometry.
+TEST_F(Nifti, ATiltIsNamedEvenIfTheQformDisagrees) {
+  NiftiFile both = qform_file().put(76, -1.0F).put(254, std::int16_t{1});
+  expect_refused(both.put(320, 0.5F), {"sform", "degrees", "sheared"});
+}
+
 /// Turned about x or y alone, the axes have a quaternion without a real part, since RAS is LPS
 /// turned by half a turn: rounding of the others must not turn them.
 TEST_F(Nifti, AxesOfATiltedCtComeBackFromEitherForm) {

@@ -94,6 +94,8 @@ TEST(Nrrd, NamesWhatIsWrongInTheHeader) {
        {"sizes: 2 1 3", "sizes: 2000000000 2000000000 2000000000", {"size"}},
        {"sizes: 2 1 3", "sizes: 2 1 99999999999", {"'sizes'", "99999999999"}},
        {"type: short", "type: block", {"'type'", "block"}},
+       {"type: short", "type: short\nold min: -1024", {"'old min'", "-1024", "absent"}},
+       {"type: short", "type: short\noldmax: 64511", {"'oldmax'", "64511", "absent"}},
        {"encoding: raw", "encoding: bzip2", {"'encoding'", "bzip2"}},
        {"encoding: raw", "encoding: gzip", {"damaged"}},
        {"encoding: raw", "encoding: gzip\nbyte skip: 3", {"'byte skip'", "compressed"}},

@@ -249,11 +249,13 @@ TEST(RegistrationPictures, AreWrittenIntoANewFolder) {
   ASSERT_EQ(paths.size(), 3U);
   for (const auto& path : paths) EXPECT_FALSE(cv::imread(path.string()).empty()) << path;
 
+  // No picture of the earlier registration stays beside that of one that found nothing.
   RegistrationResult nothing;
   const auto only =
       write_registration_pictures(dark_field(), ball_in_ct(), pose_of_ball({0, 0, 0}, 0.0), nothing,
-                                  folder.path() / "refused", green_line());
+                                  folder.path() / "new" / "pictures", green_line());
   ASSERT_EQ(only.size(), 1U);
+  for (const auto& path : paths) EXPECT_EQ(std::filesystem::exists(path), path == only[0]) << path;
   const cv::Mat sheet = cv::imread(only[0].string());
   EXPECT_EQ(sheet.rows, kHeaderPx + 2 * (kPanelPx + kGapPx));
 }

@@ -75,6 +75,7 @@ TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
 TEST_F(Cli, BadArgumentsEndWithStatusTwo) {
   expect_refused({}, "A subcommand is required");
   expect_refused({"registre"}, "subcommand: is 'registre', must be one of info, convert");
+  expect_refused({"gold", "ball"}, "subcommand: is 'ball', must be one of fiducials");
   expect_refused({"info"}, "path");
   expect_refused({"info", path("absent.nrrd")}, path("absent.nrrd") + ": does not exist");
   expect_refused({"convert", path("absent.nrrd"), path("out.nrrd"), "--scan-convert", "0"}, "0.05");
@@ -386,6 +387,27 @@ TEST_F(Cli, OptionsOfWhatIsNotAskedForAreRefused) {
     expect_refused(arguments, std::string(option) + " requires " + needed);
   }
   EXPECT_FALSE(std::filesystem::exists(path("case")));
+}
+
+TEST_F(Cli, OptionsWithoutEffectAreRefused) {
+  const std::vector<std::string> simulate{"simulate",      "--ct",     path("ct.nrrd"), "--us",
+                                          path("us.nrrd"), "--output", path("out")};
+  const auto with = [](std::vector<std::string> arguments, const std::vector<std::string>& more) {
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  for (const char* option : {"--bone-hu", "--gas-hu", "--echo"})
+    expect_refused(with(simulate, {option, "100"}), std::string(option) + " requires --occlusion");
+  expect_refused(with(simulate, {"--log-compression", "intensity", "--reflection-scale", "3"}),
+                 "--reflection-scale: is given, must be left out");
+  expect_refused({"overlay", "--labels", "l", "--camera", "c", "--pose", "p", "--output", "o.png",
+                  "--bound", "8"},
+                 "--bound requires --band");
+  expect_refused(
+      {"register", "--ct", "c", "--us", "u", "--output", "o.json", "--targets", "t", "--json"},
+      "--targets excludes --json");
+  std::filesystem::create_directory(path("case"));
+  expect_refused({"study", path("case"), "--profiles"}, "--profiles: is given without --output");
 }
 
 /// The folder of a case holds a ct.nrrd of its own.

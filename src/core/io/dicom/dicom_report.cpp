@@ -25,8 +25,9 @@ std::string listed(const std::vector<Item>& items, const Name& name) {
   return items.size() > kNamed ? out + ", ..." : out;
 }
 
+/// Whole, since series are chosen by it.
 std::string uid_text(const std::string& uid) {
-  return uid.empty() ? "(no SeriesInstanceUID)" : in_quotes(uid).substr(1, uid.size());
+  return uid.empty() ? "(no SeriesInstanceUID)" : in_quotes(uid, uid.size()).substr(1, uid.size());
 }
 
 /// The first pair of slices at one place with different pixels, or pixels that cannot be read;
@@ -198,7 +199,10 @@ void describe_voxels(const std::filesystem::path& path, const DicomSeries& serie
 std::string describe_dicom(const std::filesystem::path& path) {
   Json json;
   json["series"] = Json::array();
-  for (const DicomSeries& series : find_dicom_series(path)) {
+  const std::vector<DicomSeries> all = find_dicom_series(path);
+  const bool are_many =
+      std::count_if(all.begin(), all.end(), [](const DicomSeries& s) { return s.is_ct; }) > 1;
+  for (const DicomSeries& series : all) {
     Json entry;
     entry["series_uid"] = series.series_uid;
     entry["modality"] = series.modality;
@@ -210,8 +214,13 @@ std::string describe_dicom(const std::filesystem::path& path) {
       entry["rows_run_to"] = io::list(series.axes.col(1));
       entry["frame_of_reference_uid"] = series.frame_of_reference_uid;
       entry["transfer_syntax_uid"] = series.transfer_syntax_uid;
-      entry["problems"] = series.problems;
-      if (series.problems.empty()) describe_voxels(path, series, entry);
+      std::vector<std::string> problems = series.problems;
+      if (series.series_uid.empty() && are_many)
+        problems.emplace_back(
+            "'SeriesInstanceUID' is empty, so that no option chooses this series among the others: "
+            "move its files into a folder of their own");
+      entry["problems"] = problems;
+      if (problems.empty()) describe_voxels(path, series, entry);
     }
     json["series"].push_back(entry);
   }

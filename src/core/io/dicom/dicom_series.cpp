@@ -133,7 +133,8 @@ const Series& choose_series(const fs::path& path, const std::vector<Series>& all
       matching.push_back(&series);
   if (matching.size() == 1) return *matching.front();
   if (!options.series_uid.empty())
-    throw InputError(path.string(), "'series_uid' is " + in_quotes(options.series_uid) +
+    throw InputError(path.string(), "'series_uid' is " +
+                                        in_quotes(options.series_uid, options.series_uid.size()) +
                                         ", must be one of CT among:" + list_series(all));
   if (matching.empty())
     throw InputError(path.string(), "holds no CT images, only:" + list_series(all));

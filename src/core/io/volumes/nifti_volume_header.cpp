@@ -217,6 +217,9 @@ Form read_form(const NiftiBytes& file, const Eigen::Vector3i& size) {
   // The sform is preferred, because it holds the axes themselves; the quaternion of 32-bit numbers
   // is less exact.
   const Form sform = read_sform(file);
+  // Only the sform can hold the shear of a tilted gantry: without it the two would seem to
+  // disagree, and the qform, which is then wrong, to be a way out.
+  grid_from_axes(file.source(), "sform", size, sform.axes, sform.origin);
   if (has_qform) check_forms_agree(file, read_qform(file), sform, size);
   return sform;
 }

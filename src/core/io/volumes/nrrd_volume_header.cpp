@@ -142,6 +142,17 @@ std::string spelling(const HeaderFields& fields, const std::string& one, const s
   return fields.find(other) ? other : one;
 }
 
+/// Integers that stand for other values. Programs do not agree for which: the greatest integer
+/// stands for `old max` where dcm2niix wrote the file, and for half a step less where teem did.
+void refuse_quantized(const HeaderFields& fields, Component component) {
+  if (component == Component::kFloat32 || component == Component::kFloat64) return;
+  for (const char* field : {"old min", "oldmin", "old max", "oldmax"})
+    if (fields.find(field))
+      fields.refuse(field,
+                    "absent: the integers stand for other values, and programs do not agree for "
+                    "which; write the values themselves, or NIfTI");
+}
+
 void locate_data(const fs::path& path, const HeaderFields& fields, std::size_t header_bytes,
                  VolumeHeader& header) {
   const std::string data_field = spelling(fields, "data file", "datafile");
@@ -176,6 +187,7 @@ VolumeHeader read_nrrd_header(const fs::path& path) {
   header.format = "NRRD";
   header.grid = nrrd_grid(fields);
   header.component = nrrd_component(fields);
+  refuse_quantized(fields, header.component);
   header.encoding = read_encoding(fields);
   header.big_endian = read_big_endian(fields, header.component);
   locate_data(path, fields, text.data_offset, header);
