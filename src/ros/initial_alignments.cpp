@@ -49,7 +49,7 @@ InitialAlignments::InitialAlignments(const FixedFrame& frame,
     : frame_(frame), from_parameters_(std::move(from_parameters)) {}
 
 double InitialAlignments::set(
-    const SetRequest& request, const HeldCt* ct,
+    const SetRequest& request, const std::optional<CtIdentity>& ct,
     const std::function<std::shared_ptr<const HeldUltrasound>()>& newest) {
   std::optional<FramedAlignment> anchored;
   double residual_m = 0.0;
@@ -68,7 +68,7 @@ double InitialAlignments::set(
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   set_ = anchored;
-  set_for_ = ct ? std::optional(identity_of(*ct)) : std::nullopt;
+  set_for_ = ct;
   used_since_ms_.reset();
   return residual_m;
 }

@@ -80,6 +80,8 @@ RegistrationWorker::Work RegistrationNode::work() {
 }
 
 void RegistrationNode::subscribe() {
+  ct_announcement_subscriber_ = node_.subscribe<msg::CtInfo>(
+      "ct/info", 1, [this](const msg::CtInfo::ConstPtr& info) { volumes_.announced(*info); });
   ct_subscriber_ = subscribe_ct();
   ultrasound_subscriber_ = subscribe_ultrasound();
   announcement_subscriber_ = node_.subscribe<msg::Acquisition>(
@@ -142,10 +144,9 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
                                                 msg::SetInitialAlignment::Response& response) {
   const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
-    const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
-    response.residual =
-        alignments_.set(request, ct && volumes_.is_newest(*ct) ? ct.get() : nullptr,
-                        [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
+    response.residual = alignments_.set(request, volumes_.newest_ct(), [&] {
+      return volumes_.ultrasound(::ros::Time(), stopping);
+    });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
@@ -223,7 +224,7 @@ void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
-  if (result.status.code == Status::NO_CT)
+  if (result.status.code == Status::NO_CT && !volumes_.state().ct)
     result.status.message +=
         ": " + why_nothing_arrived(
                    node_, expected_topic<msg::CtVolume>(node_, "ct/volume"), ct_subscriber_,

@@ -1,3 +1,6 @@
+#include <chrono>
+#include <future>
+
 #include "held_volumes_test.h"
 
 namespace usct::ros_interface {
@@ -6,7 +9,68 @@ namespace {
 namespace msg = us_ct_registration;
 using testing::HasSubstr;
 
-class HeldCtTest : public HeldVolumesTest {};
+class HeldCtTest : public HeldVolumesTest {
+ protected:
+  void arrive(unsigned revision) {
+    volumes().arrived(msg::CtVolume::ConstPtr(ct_message(revision)), kNow);
+  }
+  void announce_ct(unsigned revision) {
+    const auto volume = ct_message(revision);
+    msg::CtInfo info;
+    info.header = volume->header;
+    info.revision = volume->revision;
+    info.crc32 = volume->crc32;
+    volumes().announced(info);
+  }
+  unsigned held_revision() { return volumes().ct(never)->revision; }
+};
+
+TEST_F(HeldCtTest, WhoAsksWaitsForTheCtThatWasAnnounced) {
+  for (const bool is_another_held : {false, true}) {
+    volumes_.reset();
+    if (is_another_held) arrive(1);
+    announce_ct(2);
+    auto asking = std::async(std::launch::async, [&] { return held_revision(); });
+    EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
+    volumes().notice_time(::ros::Time(100.0));  // a bag begins again
+    EXPECT_EQ(asking.wait_for(std::chrono::milliseconds(50)), std::future_status::timeout);
+    arrive(2);
+    EXPECT_EQ(asking.get(), 2U);
+  }
+}
+
+TEST_F(HeldCtTest, ACtThatWasAnnouncedAndDoesNotComeIsTheReason) {
+  options_.ct_patience_s = 0.2;
+  arrive(1);
+  announce_ct(2);
+  const Refusal lost = ct_refusal();
+  EXPECT_EQ(lost.code(), Status::NO_CT);
+  EXPECT_THAT(lost.what(), HasSubstr("CT revision 2 was announced, but has not arrived"));
+  ASSERT_TRUE(volumes().state().ct_refusal);
+  EXPECT_THAT(volumes().state().ct_refusal->what(), HasSubstr("has not arrived"));
+  arrive(3);
+  EXPECT_EQ(held_revision(), 3U);
+  EXPECT_FALSE(volumes().state().ct_refusal);
+}
+
+TEST_F(HeldCtTest, ACtIsNoLongerTheNewestOnceAnotherIsAnnounced) {
+  EXPECT_FALSE(volumes().newest_ct());
+  arrive(1);
+  const auto first = volumes().ct(never);
+  EXPECT_EQ(volumes().newest_ct(), identity_of(*first));
+  announce_ct(1);
+  EXPECT_TRUE(volumes().is_newest(*first));
+  announce_ct(2);
+  EXPECT_FALSE(volumes().is_newest(*first));
+  EXPECT_EQ(volumes().newest_ct(), CtIdentity("ct", ct_message(2)->crc32));
+  arrive(2);
+  EXPECT_EQ(volumes().newest_ct(), identity_of(*volumes().ct(never)));
+  auto bad = ct_message(3);
+  bad->data[3] ^= 1;
+  volumes().arrived(msg::CtVolume::ConstPtr(bad), kNow);
+  EXPECT_EQ(ct_refusal().code(), Status::INVALID_MESSAGE);
+  EXPECT_FALSE(volumes().newest_ct());
+}
 
 TEST_F(HeldCtTest, MalformedCtHidesOlderOne) {
   volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);

@@ -39,7 +39,7 @@ class InitialAlignmentsTest : public testing::Test {
     options.frame = "patient";
     return options;
   }
-  double set(const SetRequest& request, const HeldCt* ct = nullptr) {
+  double set(const SetRequest& request, const std::optional<CtIdentity>& ct = {}) {
     return alignments_.set(request, ct,
                            [this]() -> std::shared_ptr<const HeldUltrasound> { return us_; });
   }
@@ -145,7 +145,7 @@ TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
 }
 
 TEST_F(InitialAlignmentsTest, SetInTheFixedFrameNeedsNoUltrasound) {
-  alignments_.set(pose("patient", 1009.0), nullptr, []() -> std::shared_ptr<const HeldUltrasound> {
+  alignments_.set(pose("patient", 1009.0), {}, []() -> std::shared_ptr<const HeldUltrasound> {
     throw Refusal(Status::NO_ULTRASOUND, "none");
   });
   EXPECT_EQ(chosen(), "set 9");
@@ -164,10 +164,10 @@ TEST_F(InitialAlignmentsTest, AlignmentOfAnotherCtIsNotUsed) {
 /// A CT that is shown again, after another one, has its alignment again.
 TEST_F(InitialAlignmentsTest, SetIsThatOfTheCtThatWasHeldThen) {
   const HeldCt ct = held_ct(kCt);
-  set(pose("us", 2.0), &ct);
+  set(pose("us", 2.0), identity_of(ct));
   EXPECT_EQ(chosen({}, kCt + 1), "parameters 4");
   EXPECT_EQ(chosen(), "set 2");
-  set(pose("us", 7.0), &ct);
+  set(pose("us", 7.0), identity_of(ct));
   HeldCt renamed = ct;
   renamed.header.frame_id = "ct_of_last_month";
   EXPECT_EQ(alignments_.choose({}, *us_, renamed, 50)->source, "parameters");
