@@ -324,6 +324,7 @@ std::optional<CtIdentity> HeldVolumes::newest_ct() const {
 
 HeldVolumes::Ready HeldVolumes::ready_ultrasound() const {
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (!ct_ || is_ct_on_its_way()) return {};
   const auto found = std::find_if(ultrasound_.rbegin(), ultrasound_.rend(),
                                   [](const Entry& entry) { return entry.settled; });
   if (found == ultrasound_.rend()) return {};

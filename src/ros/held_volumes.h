@@ -106,7 +106,8 @@ class HeldVolumes {
   bool is_newest(const HeldCt& ct) const;
   /// The CT that `ct` returns or waits for; empty if there is none.
   std::optional<CtIdentity> newest_ct() const;
-  /// The newest ultrasound that is available without waiting; `number` counts up, 0: none.
+  /// The newest ultrasound that can be registered without waiting, for it or for the CT; `number`
+  /// counts up, 0: none.
   struct Ready {
     std::uint64_t number = 0;
     ::ros::Time stamp;

@@ -81,6 +81,16 @@ void InitialAlignments::arrived(const msg::Alignment::ConstPtr& message) {
     set_.reset();
 }
 
+bool InitialAlignments::has_accepted(const CtIdentity& ct) const {
+  return accepted_ && accepted_->state != msg::Alignment::NONE &&
+         CtIdentity(accepted_->ct_frame, accepted_->ct_crc32) == ct;
+}
+
+bool InitialAlignments::is_in_force(const ::ros::Time& us_stamp, const CtIdentity& ct) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return has_accepted(ct) && accepted_->header.stamp == us_stamp;
+}
+
 std::string InitialAlignments::policy() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return accepted_ ? accepted_->policy : "";
@@ -94,8 +104,7 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
                                                             const HeldCt& ct) const {
-  if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
-  if (CtIdentity(accepted_->ct_frame, accepted_->ct_crc32) != identity_of(ct)) return std::nullopt;
+  if (!has_accepted(identity_of(ct))) return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);
   return in_ultrasound({accepted_->header.frame_id, T}, us,

@@ -52,6 +52,8 @@ class InitialAlignments {
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
+  /// Whether the alignment in force is that of this CT by the ultrasound with this stamp.
+  bool is_in_force(const ::ros::Time& us_stamp, const CtIdentity& ct) const;
   /// Policy of tf_publisher; empty until an alignment has arrived.
   std::string policy() const;
 
@@ -63,6 +65,8 @@ class InitialAlignments {
       const HeldCt& ct, std::uint64_t now_ms);
 
  private:
+  /// Whether an alignment is in force that is of this CT. The caller must hold `mutex_`.
+  bool has_accepted(const CtIdentity& ct) const;
   std::optional<InitialAlignment> accepted(const HeldUltrasound& us, const HeldCt& ct) const;
   InitialAlignment in_ultrasound(const FramedAlignment& alignment, const HeldUltrasound& us,
                                  const std::string& source) const;

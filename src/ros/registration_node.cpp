@@ -38,6 +38,7 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
       tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
+      decisions_(DecisionWatch::Clock::now()),
       ct_publisher_(node_.advertise<msg::CtInfo>("registration/ct", 1, true)),
       volumes_(frame_, parameters_.volumes,
                [this] {
@@ -72,6 +73,10 @@ RegistrationWorker::Work RegistrationNode::work() {
   RegistrationWorker::Work wired;
   wired.threads = parameters_.threads;
   if (parameters_.continuous) wired.newest = [this] { return volumes_.ready_ultrasound(); };
+  wired.was_registered = [this](const ::ros::Time& us_stamp) {
+    const std::optional<CtIdentity> ct = volumes_.newest_ct();
+    return ct && alignments_.is_in_force(us_stamp, *ct);
+  };
   wired.is_decision_awaited = [this] { return decisions_.is_awaited(DecisionWatch::Clock::now()); };
   wired.is_ct_unprepared = [this] { return registrar_.is_ct_unprepared(); };
   wired.prepare_ct = [this](RegistrationJob& job) { registrar_.prepare_ct(job.request.cancelled); };

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Images that reach the registration node later than a request."""
+"""Images that reach the registration node later than a request, and those that reach it again after a restart."""
 import os
 import sys
 import tempfile
@@ -9,15 +9,17 @@ import unittest
 
 import rospy
 import rostest
-from us_ct_registration.msg import CtInfo, CtVolume, PreScanVolume, StatusCode
+from us_ct_registration.msg import Alignment, CtInfo, CtVolume, PreScanVolume, RegistrationResult, StatusCode
 from us_ct_registration.srv import Register, SetInitialAlignment, SetInitialAlignmentRequest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from node_under_test import PACKAGE, Newest, Process, call
+from node_under_test import PACKAGE, Newest, Process, call, wait_for
 from smallest_images import ct, info_of, ultrasound
 
 # A message arrives within this time.
 ON_ITS_WAY_S = 0.5
+# Longer than a continuous registration of the smallest images takes to be published, and to begin after a start.
+QUIET_S = 4.0
 FIRST_CT = ct(1, 1)
 SECOND_CT = ct(2, 2)
 
@@ -44,7 +46,11 @@ class RegistrationInputs(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory()
         self.ct_info, self.ct_volume = self.latched("ct/info", CtInfo), self.latched("ct/volume", CtVolume)
         self.us_volume = self.latched("us/volume", PreScanVolume)
+        self.alignment = self.latched("registration/alignment", Alignment)
         self.held = Newest(self.namespace + "/registration/ct", CtInfo)
+        self.results = []
+        self.subscriber = rospy.Subscriber(self.namespace + "/registration/result", RegistrationResult,
+                                           self.results.append, queue_size=100)
         self.processes = []
 
     def tearDown(self):
@@ -105,6 +111,50 @@ class RegistrationInputs(unittest.TestCase):
         self.send_ct(SECOND_CT)
         result = self.register()
         self.assertEqual((result.ct_crc32, result.status.code), (SECOND_CT.crc32, StatusCode.NO_INITIAL_ALIGNMENT))
+
+    def test_ultrasound_that_comes_before_the_ct_is_registered_with_it(self):
+        self.start(continuous=True)
+        us = self.send_us()
+        time.sleep(QUIET_S)
+        self.assertEqual([result.status.message for result in self.results], [])
+        self.send_ct(FIRST_CT)
+        wait_for(lambda: self.results, "its registration")
+        self.assertEqual((self.results[0].us_stamp, self.results[0].ct_crc32), (us.header.stamp, FIRST_CT.crc32))
+
+    def aligned(self, us):
+        """What tf_publisher says once a result of this ultrasound was accepted."""
+        message = Alignment(state=Alignment.ACCEPTED, ct_frame="ct", ct_crc32=FIRST_CT.crc32, policy="auto", result_id=7)
+        message.header.stamp, message.header.frame_id = us.header.stamp, self.namespace[1:] + "_base"
+        message.transform.rotation.w = 1.0
+        return message
+
+    def test_what_was_registered_before_a_restart_is_not_registered_again(self):
+        parameters = {"continuous": True, "fixed_frame": self.namespace[1:] + "_base", "tf_timeout": 0.1}
+        process = self.start(**parameters)
+        first = self.send_us()
+        self.send_ct(FIRST_CT)
+        wait_for(lambda: self.results, "its registration")
+        self.alignment.publish(self.aligned(first))
+        process.kill()
+        self.results.clear()
+        # All these come again, and tf knows nothing of the time of the ultrasound.
+        self.held.message = None
+        self.start(**parameters)
+        self.held.wait(lambda held: held.crc32 == FIRST_CT.crc32, "the CT to be held")
+        time.sleep(QUIET_S)
+        self.assertEqual([result.status.message for result in self.results], [])
+        second = self.send_us()
+        wait_for(lambda: self.results, "the registration of the next ultrasound")
+        self.assertEqual(self.results[0].us_stamp, second.header.stamp)
+
+    def test_what_came_while_the_node_was_away_is_registered(self):
+        self.alignment.publish(self.aligned(ultrasound("us")))
+        time.sleep(0.01)
+        us = self.send_us()
+        self.start(continuous=True)
+        self.send_ct(FIRST_CT)
+        wait_for(lambda: self.results, "its registration")
+        self.assertEqual(self.results[0].us_stamp, us.header.stamp)
 
 
 if __name__ == "__main__":

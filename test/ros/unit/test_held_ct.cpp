@@ -72,6 +72,21 @@ TEST_F(HeldCtTest, ACtIsNoLongerTheNewestOnceAnotherIsAnnounced) {
   EXPECT_FALSE(volumes().newest_ct());
 }
 
+/// It could not be registered, and is there once it can be.
+TEST_F(HeldCtTest, UltrasoundIsReadyOnceTheCtIsThere) {
+  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(1)), kNow);
+  EXPECT_EQ(newest_s(), 1.0);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 0U);
+  arrive(1);
+  EXPECT_EQ(held_revision(), 1U);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 1U);
+  announce_ct(2);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 0U);
+  arrive(2);
+  EXPECT_EQ(held_revision(), 2U);
+  EXPECT_EQ(volumes().ready_ultrasound().number, 1U);
+}
+
 TEST_F(HeldCtTest, MalformedCtHidesOlderOne) {
   volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);
   const auto first = volumes().ct(never);

@@ -193,6 +193,7 @@ TEST_F(HeldVolumesWithTf, VolumesThatComeFasterThanTfDoNotStarve) {
   options_.tf_timeout_s = 600.0;
   options_.ultrasound_volumes = 2;
   volumes_.emplace(with_tf_, options_, [] {});
+  volumes().arrived(msg::CtVolume::ConstPtr(ct_message(1)), kNow);
   for (int i = 0; i < 20; ++i) {
     volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100.0 + 0.01 * i)), kNow);
     EXPECT_EQ(ultrasound_refusal(1.0).code(), Status::NO_ULTRASOUND);  // once it is converted

@@ -55,6 +55,7 @@ class InitialAlignmentsTest : public testing::Test {
     auto alignment = boost::make_shared<msg::Alignment>();
     alignment->state = state;
     alignment->header.frame_id = "patient";
+    alignment->header.stamp = ::ros::Time(90.0);  // of the ultrasound
     alignment->ct_frame = ct_frame;
     alignment->ct_crc32 = ct_crc32;
     alignment->policy = "auto";
@@ -171,6 +172,21 @@ TEST_F(InitialAlignmentsTest, SetIsThatOfTheCtThatWasHeldThen) {
   HeldCt renamed = ct;
   renamed.header.frame_id = "ct_of_last_month";
   EXPECT_EQ(alignments_.choose({}, *us_, renamed, 50)->source, "parameters");
+}
+
+TEST_F(InitialAlignmentsTest, IsInForceForTheUltrasoundAndTheCtOfItsResult) {
+  const CtIdentity ct("ct", kCt);
+  const ::ros::Time of_ultrasound(90.0);
+  EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, ct));
+  for (const std::uint8_t state : {msg::Alignment::ACCEPTED, msg::Alignment::RESTORED}) {
+    accept(state, 1005.0, 20);
+    EXPECT_TRUE(alignments_.is_in_force(of_ultrasound, ct));
+    EXPECT_FALSE(alignments_.is_in_force(::ros::Time(89.0), ct));
+    EXPECT_FALSE(alignments_.is_in_force(::ros::Time(91.0), ct));
+    EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, {"ct", kCt + 1}));
+  }
+  accept(msg::Alignment::NONE, 0.0, 0);
+  EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, ct));
 }
 
 TEST_F(InitialAlignmentsTest, SetBeforeAnyCtIsThatOfTheFirstOneThatIsRegistered) {
