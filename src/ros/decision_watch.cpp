@@ -9,6 +9,7 @@ void DecisionWatch::offered(Clock::time_point now) {
 
 void DecisionWatch::arrived(const us_ct_registration::Alignment& alignment) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  was_heard_ = true;
   needs_person_ = alignment.policy == "confirm";
   waits_ = alignment.waiting_id != 0;
   on_its_way_until_ = {};
@@ -16,6 +17,7 @@ void DecisionWatch::arrived(const us_ct_registration::Alignment& alignment) {
 
 bool DecisionWatch::is_awaited(Clock::time_point now) const {
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (!was_heard_) return now < begun_ + kOnItsWay;
   return needs_person_ && (waits_ || now < on_its_way_until_);
 }
 

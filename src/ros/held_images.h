@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "ros/fixed_frame.h"
+#include "us_ct_registration/registration/alignment_decisions.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -30,6 +31,10 @@ struct HeldCt {
   std::uint32_t crc32 = 0;
   CtVolume volume;
 };
+
+inline CtIdentity identity_of(const HeldCt& ct) { return {ct.header.frame_id, ct.crc32}; }
+/// Compares all voxels: two CTs of one identity might differ.
+bool has_same_voxels(const HeldCt& a, const HeldCt& b);
 
 struct HeldUltrasound {
   std_msgs::Header header;

@@ -23,29 +23,9 @@ void require_header(const std_msgs::Header& header, const ::ros::Time& now,
   if (header.frame_id.empty()) throw InputError(source, "'header.frame_id' is empty, must be set");
 }
 
-bool has_same_voxels(const HeldCt& a, const HeldCt& b) {
-  return a.crc32 == b.crc32 && a.header.frame_id == b.header.frame_id &&
-         same_grid(a.volume.grid, b.volume.grid) && a.volume.voxels == b.volume.voxels;
-}
-
 /// Whether tf may tell later what it could not: frames may be connected after the volume has come.
 bool may_come_later(const Refusal& refusal) {
   return refusal.code() == Status::TF_UNAVAILABLE || refusal.code() == Status::TF_STALE;
-}
-
-/// Runs a conversion, and turns its exception into a refusal for those who ask for the volume.
-template <typename Convert>
-std::optional<Refusal> refusal_of(Convert&& convert) {
-  try {
-    convert();
-  } catch (const Refusal& refusal) {
-    return refusal;
-  } catch (const InputError& error) {
-    return Refusal(Status::INVALID_MESSAGE, error.what());
-  } catch (const std::exception& error) {
-    return Refusal(Status::FAILED, error.what());
-  }
-  return std::nullopt;
 }
 
 void require_not(const std::function<bool()>& cancelled) {
@@ -56,7 +36,11 @@ void require_not(const std::function<bool()>& cancelled) {
 
 HeldVolumes::HeldVolumes(const FixedFrame& frame, HeldVolumesOptions options,
                          std::function<void()> changed)
-    : frame_(frame), options_(options), changed_(std::move(changed)), worker_([this] { work(); }) {}
+    : frame_(frame),
+      options_(options),
+      changed_(std::move(changed)),
+      newest_ct_(std::chrono::duration<double>(options.ct_patience_s)),
+      worker_([this] { work(); }) {}
 
 HeldVolumes::~HeldVolumes() {
   {
@@ -86,8 +70,7 @@ void HeldVolumes::arrived(const msg::CtVolume::ConstPtr& message, const ::ros::T
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
   ct_arrival_ = CtArrival{message, now, epoch_, 0};
-  newest_ct_revision_ = message->revision;
-  newest_ct_crc32_ = message->crc32;
+  newest_ct_.arrived(*message, Clock::now());
   wake_.notify_all();
 }
 
@@ -106,6 +89,12 @@ void HeldVolumes::announced(const msg::Acquisition& acquisition, const ::ros::Ti
   const std::lock_guard<std::mutex> lock(mutex_);
   set_time(now);
   acquisitions_.announced(acquisition, Clock::now());
+  wake_.notify_all();
+}
+
+void HeldVolumes::announced(const msg::CtInfo& ct) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_ct_.announced(ct, Clock::now());
   wake_.notify_all();
 }
 
@@ -238,7 +227,12 @@ void HeldVolumes::await(std::unique_lock<std::mutex>& lock, const std::function<
 
 std::shared_ptr<const HeldCt> HeldVolumes::ct(const std::function<bool()>& cancelled) {
   std::unique_lock<std::mutex> lock(mutex_);
-  await(lock, cancelled, [&] { return !ct_arrival_ && !converting_ct_; });
+  std::optional<Refusal> lost;
+  await(lock, cancelled, [&] {
+    lost = newest_ct_.refusal(Clock::now());
+    return lost || !is_ct_on_its_way();
+  });
+  if (lost) throw Refusal(*lost);
   if (ct_refusal_) throw Refusal(*ct_refusal_);
   if (!ct_) throw Refusal(Status::NO_CT, "no CT was received");
   return ct_;
@@ -319,11 +313,18 @@ bool HeldVolumes::require_still(const HeldUltrasound& us,
 
 bool HeldVolumes::is_newest(const HeldCt& ct) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return ct.revision == newest_ct_revision_ && ct.crc32 == newest_ct_crc32_;
+  return newest_ct_.is(ct);
+}
+
+std::optional<CtIdentity> HeldVolumes::newest_ct() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!ct_ && !is_ct_on_its_way()) return std::nullopt;
+  return newest_ct_.identity();
 }
 
 HeldVolumes::Ready HeldVolumes::ready_ultrasound() const {
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (!ct_ || is_ct_on_its_way()) return {};
   const auto found = std::find_if(ultrasound_.rbegin(), ultrasound_.rend(),
                                   [](const Entry& entry) { return entry.settled; });
   if (found == ultrasound_.rend()) return {};
@@ -334,7 +335,8 @@ HeldState HeldVolumes::state() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   HeldState state;
   state.ct = ct_;
-  state.ct_refusal = ct_refusal_;
+  const std::optional<Refusal> lost = newest_ct_.refusal(Clock::now());
+  state.ct_refusal = lost ? lost : ct_refusal_;
   state.ultrasound_volumes = static_cast<int>(ultrasound_.size());
   if (!ultrasound_.empty()) {
     state.newest_ultrasound = ultrasound_.back().header;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <us_ct_registration/CtInfo.h>
 #include <us_ct_registration/CtVolume.h>
 #include <us_ct_registration/PreScanVolume.h>
 
@@ -19,6 +20,7 @@
 #include "ros/acquisitions.h"
 #include "ros/fixed_frame.h"
 #include "ros/held_images.h"
+#include "ros/newest_ct.h"
 #include "ros/refusal.h"
 #include "ros/stillness_watch.h"
 
@@ -54,6 +56,9 @@ struct HeldVolumesOptions {
   int ultrasound_volumes = 3;
   /// Longest wait until tf reaches the stamp of an ultrasound volume, wall time.
   double tf_timeout_s = 1.0;
+  /// How long the volume of a CT that was announced may be on its way: a large one takes seconds on
+  /// a network.
+  double ct_patience_s = 30.0;
 };
 
 /// Holds the newest CT and some recent ultrasound volumes, converted, with poses in the fixed
@@ -75,11 +80,13 @@ class HeldVolumes {
   void arrived(const us_ct_registration::PreScanVolume::ConstPtr& message, const ::ros::Time& now);
   /// Ultrasound is being recorded, is on its way, or was refused.
   void announced(const us_ct_registration::Acquisition& acquisition, const ::ros::Time& now);
+  /// A CT is on its way.
+  void announced(const us_ct_registration::CtInfo& ct);
   /// Must be called often, so that a jump of the clock back is noticed.
   void notice_time(const ::ros::Time& now);
 
-  /// The newest CT. Waits for it; `cancelled` ends the wait with the refusal CANCELLED. Refuses
-  /// with NO_CT or INVALID_MESSAGE.
+  /// The newest CT. Waits for it, up to `ct_patience_s` after it was announced; `cancelled` ends
+  /// the wait with the refusal CANCELLED. Refuses with NO_CT or INVALID_MESSAGE.
   std::shared_ptr<const HeldCt> ct(const std::function<bool()>& cancelled);
   /// The ultrasound with this stamp; 0: the newest. Waits like `ct`, and up to 2 s for a volume
   /// that is named and newer than all that have arrived, or, if the newest is asked for, for one
@@ -95,9 +102,12 @@ class HeldVolumes {
   /// TF_JUMPED, TF_UNAVAILABLE or CANCELLED.
   bool require_still(const HeldUltrasound& us, const std::function<bool()>& cancelled) const;
 
-  /// Whether no other CT has arrived since `ct`, converted or not.
+  /// Whether no other CT was announced or has arrived since `ct`, converted or not.
   bool is_newest(const HeldCt& ct) const;
-  /// The newest ultrasound that is available without waiting; `number` counts up, 0: none.
+  /// The CT that `ct` returns or waits for; empty if there is none.
+  std::optional<CtIdentity> newest_ct() const;
+  /// The newest ultrasound that can be registered without waiting, for it or for the CT; `number`
+  /// counts up, 0: none.
   struct Ready {
     std::uint64_t number = 0;
     ::ros::Time stamp;
@@ -137,6 +147,7 @@ class HeldVolumes {
   bool settle(Entry& entry);
   void settle_all();
   bool waits_for_tf() const;
+  bool is_ct_on_its_way() const { return newest_ct_.is_awaited() || ct_arrival_ || converting_ct_; }
   void await_arrival(std::unique_lock<std::mutex>& lock, const ::ros::Time& stamp,
                      const std::function<bool()>& cancelled);
   void await_announced(std::unique_lock<std::mutex>& lock, const std::function<bool()>& cancelled);
@@ -160,8 +171,7 @@ class HeldVolumes {
   std::uint64_t arrived_ultrasound_ = 0;    // number of the last that arrived
   Acquisitions acquisitions_;               // of this epoch
   std::uint64_t converted_ultrasound_ = 0;  // number of the last that was converted
-  std::uint32_t newest_ct_revision_ = 0;
-  std::uint32_t newest_ct_crc32_ = 0;
+  NewestCt newest_ct_;
   std::shared_ptr<const HeldCt> ct_;
   std::optional<Refusal> ct_refusal_;
   std::deque<Entry> ultrasound_;  // newest last

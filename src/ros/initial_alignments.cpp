@@ -49,7 +49,7 @@ InitialAlignments::InitialAlignments(const FixedFrame& frame,
     : frame_(frame), from_parameters_(std::move(from_parameters)) {}
 
 double InitialAlignments::set(
-    const SetRequest& request, const HeldCt* ct,
+    const SetRequest& request, const std::optional<CtIdentity>& ct,
     const std::function<std::shared_ptr<const HeldUltrasound>()>& newest) {
   std::optional<FramedAlignment> anchored;
   double residual_m = 0.0;
@@ -68,7 +68,7 @@ double InitialAlignments::set(
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   set_ = anchored;
-  set_for_ = ct ? std::optional(identity_of(*ct)) : std::nullopt;
+  set_for_ = ct;
   used_since_ms_.reset();
   return residual_m;
 }
@@ -79,6 +79,16 @@ void InitialAlignments::arrived(const msg::Alignment::ConstPtr& message) {
   if (message->state == msg::Alignment::ACCEPTED && used_since_ms_ &&
       message->result_id > *used_since_ms_)
     set_.reset();
+}
+
+bool InitialAlignments::has_accepted(const CtIdentity& ct) const {
+  return accepted_ && accepted_->state != msg::Alignment::NONE &&
+         CtIdentity(accepted_->ct_frame, accepted_->ct_crc32) == ct;
+}
+
+bool InitialAlignments::is_in_force(const ::ros::Time& us_stamp, const CtIdentity& ct) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return has_accepted(ct) && accepted_->header.stamp == us_stamp;
 }
 
 std::string InitialAlignments::policy() const {
@@ -94,8 +104,7 @@ InitialAlignment InitialAlignments::in_ultrasound(const FramedAlignment& alignme
 
 std::optional<InitialAlignment> InitialAlignments::accepted(const HeldUltrasound& us,
                                                             const HeldCt& ct) const {
-  if (!accepted_ || accepted_->state == msg::Alignment::NONE) return std::nullopt;
-  if (CtIdentity(accepted_->ct_frame, accepted_->ct_crc32) != identity_of(ct)) return std::nullopt;
+  if (!has_accepted(identity_of(ct))) return std::nullopt;
   const Isometry3d T = transform_mm(accepted_->transform, "accepted alignment: 'transform'",
                                     Status::INVALID_MESSAGE);
   return in_ultrasound({accepted_->header.frame_id, T}, us,

@@ -43,14 +43,17 @@ class InitialAlignments {
 
   /// Sets an alignment. It is anchored in the fixed frame at the time of the newest ultrasound,
   /// which `newest` returns or refuses; `newest` is called only if the request's frame is not the
-  /// fixed one. It is that of `ct`, or, if that is null, of the CT for which it is chosen first.
+  /// fixed one. It is that of `ct`, or, if that is empty, of the CT for which it is chosen first.
   /// It counts until a result is accepted of a registration that began after it was set. Returns
   /// the residual between landmarks, m. Refuses with INVALID_REQUEST or TF_UNAVAILABLE; then
   /// nothing changes.
-  double set(const us_ct_registration::SetInitialAlignment::Request& request, const HeldCt* ct,
+  double set(const us_ct_registration::SetInitialAlignment::Request& request,
+             const std::optional<CtIdentity>& ct,
              const std::function<std::shared_ptr<const HeldUltrasound>()>& newest);
 
   void arrived(const us_ct_registration::Alignment::ConstPtr& message);
+  /// Whether the alignment in force is that of this CT by the ultrasound with this stamp.
+  bool is_in_force(const ::ros::Time& us_stamp, const CtIdentity& ct) const;
   /// Policy of tf_publisher; empty until an alignment has arrived.
   std::string policy() const;
 
@@ -62,7 +65,8 @@ class InitialAlignments {
       const HeldCt& ct, std::uint64_t now_ms);
 
  private:
-  static CtIdentity identity_of(const HeldCt& ct) { return {ct.header.frame_id, ct.crc32}; }
+  /// Whether an alignment is in force that is of this CT. The caller must hold `mutex_`.
+  bool has_accepted(const CtIdentity& ct) const;
   std::optional<InitialAlignment> accepted(const HeldUltrasound& us, const HeldCt& ct) const;
   InitialAlignment in_ultrasound(const FramedAlignment& alignment, const HeldUltrasound& us,
                                  const std::string& source) const;

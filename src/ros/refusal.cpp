@@ -2,10 +2,26 @@
 
 #include <map>
 
+#include "us_ct_registration/error.h"
+
 namespace usct::ros_interface {
 
+using Status = us_ct_registration::StatusCode;
+
+std::optional<Refusal> refusal_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Refusal& refusal) {
+    return refusal;
+  } catch (const InputError& error) {
+    return Refusal(Status::INVALID_MESSAGE, error.what());
+  } catch (const std::exception& error) {
+    return Refusal(Status::FAILED, error.what());
+  }
+  return std::nullopt;
+}
+
 std::string code_name(std::uint8_t code) {
-  using Status = us_ct_registration::StatusCode;
   static const std::map<std::uint8_t, std::string> kNames = {
       {Status::FAILED, "FAILED"},
       {Status::OK, "OK"},

@@ -3,6 +3,8 @@
 #include <us_ct_registration/StatusCode.h>
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -27,6 +29,10 @@ class Refusal : public std::runtime_error {
  private:
   std::uint8_t code_;
 };
+
+/// Why `work` could not be done, for those who ask later: a Refusal as it was thrown, an InputError
+/// as INVALID_MESSAGE, and another exception as FAILED. Empty if it was done.
+std::optional<Refusal> refusal_of(const std::function<void()>& work);
 
 /// The name of a code as in StatusCode.msg, like "LOW_CONFIDENCE".
 std::string code_name(std::uint8_t code);

@@ -38,6 +38,7 @@ RegistrationNode::RegistrationNode(const ::ros::NodeHandle& node,
       tf_input_(tf_, node),
       frame_(tf_, parameters_.frame),
       alignments_(frame_, parameters_.initial_alignment),
+      decisions_(DecisionWatch::Clock::now()),
       ct_publisher_(node_.advertise<msg::CtInfo>("registration/ct", 1, true)),
       volumes_(frame_, parameters_.volumes,
                [this] {
@@ -72,6 +73,10 @@ RegistrationWorker::Work RegistrationNode::work() {
   RegistrationWorker::Work wired;
   wired.threads = parameters_.threads;
   if (parameters_.continuous) wired.newest = [this] { return volumes_.ready_ultrasound(); };
+  wired.was_registered = [this](const ::ros::Time& us_stamp) {
+    const std::optional<CtIdentity> ct = volumes_.newest_ct();
+    return ct && alignments_.is_in_force(us_stamp, *ct);
+  };
   wired.is_decision_awaited = [this] { return decisions_.is_awaited(DecisionWatch::Clock::now()); };
   wired.is_ct_unprepared = [this] { return registrar_.is_ct_unprepared(); };
   wired.prepare_ct = [this](RegistrationJob& job) { registrar_.prepare_ct(job.request.cancelled); };
@@ -80,6 +85,8 @@ RegistrationWorker::Work RegistrationNode::work() {
 }
 
 void RegistrationNode::subscribe() {
+  ct_announcement_subscriber_ = node_.subscribe<msg::CtInfo>(
+      "ct/info", 1, [this](const msg::CtInfo::ConstPtr& info) { volumes_.announced(*info); });
   ct_subscriber_ = subscribe_ct();
   ultrasound_subscriber_ = subscribe_ultrasound();
   announcement_subscriber_ = node_.subscribe<msg::Acquisition>(
@@ -142,10 +149,9 @@ bool RegistrationNode::on_set_initial_alignment(msg::SetInitialAlignment::Reques
                                                 msg::SetInitialAlignment::Response& response) {
   const auto stopping = [this] { return jobs_.is_stopping(); };
   try {
-    const std::shared_ptr<const HeldCt> ct = volumes_.state().ct;
-    response.residual =
-        alignments_.set(request, ct && volumes_.is_newest(*ct) ? ct.get() : nullptr,
-                        [&] { return volumes_.ultrasound(::ros::Time(), stopping); });
+    response.residual = alignments_.set(request, volumes_.newest_ct(), [&] {
+      return volumes_.ultrasound(::ros::Time(), stopping);
+    });
     const bool is_cleared = request.type == msg::SetInitialAlignment::Request::CLEAR;
     response.status = status(Status::OK, is_cleared ? "cleared" : "registrations start from it");
   } catch (const Refusal& refusal) {
@@ -223,7 +229,7 @@ void RegistrationNode::finish(const RegistrationJob& job, Result& result) {
 }
 
 void RegistrationNode::explain_nothing(const RegistrationJob& job, Result& result) {
-  if (result.status.code == Status::NO_CT)
+  if (result.status.code == Status::NO_CT && !volumes_.state().ct)
     result.status.message +=
         ": " + why_nothing_arrived(
                    node_, expected_topic<msg::CtVolume>(node_, "ct/volume"), ct_subscriber_,

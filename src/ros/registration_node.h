@@ -93,6 +93,7 @@ class RegistrationNode {
   HeldVolumes volumes_;
   Registrar registrar_;
   ::ros::Publisher result_publisher_;
+  ::ros::Subscriber ct_announcement_subscriber_;
   ::ros::Subscriber ct_subscriber_;
   ::ros::Subscriber ultrasound_subscriber_;
   ::ros::Subscriber announcement_subscriber_;

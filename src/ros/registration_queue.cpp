@@ -1,6 +1,14 @@
 #include "ros/registration_queue.h"
 
+#include <chrono>
+
 namespace usct::ros_interface {
+namespace {
+
+/// Whether a decision is awaited changes with time alone as well, and nothing wakes for that.
+constexpr std::chrono::milliseconds kLook(200);
+
+}  // namespace
 
 RegistrationJob::RegistrationJob(const std::string& asked_by) : name(asked_by) {
   request.cancelled = [this] { return cancelled.load(); };
@@ -69,7 +77,7 @@ RegistrationQueue::Job RegistrationQueue::next(const std::function<Job()>& backg
       if (stopping_) job->cancelled = true;
       return job;
     }
-    wake_.wait(lock);
+    wake_.wait_for(lock, kLook);
   }
   return nullptr;
 }

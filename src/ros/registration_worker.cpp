@@ -17,8 +17,10 @@ RegistrationQueue::Job RegistrationWorker::continuous_job() {
   if (!work_.newest) return nullptr;
   if (work_.is_decision_awaited && work_.is_decision_awaited()) return nullptr;
   const HeldVolumes::Ready ready = work_.newest();
-  if (ready.number == continued_) return nullptr;
+  if (ready.number <= continued_) return nullptr;
+  const bool is_first = continued_ == 0;
   continued_ = ready.number;
+  if (is_first && work_.was_registered && work_.was_registered(ready.stamp)) return nullptr;
   auto job = std::make_shared<RegistrationJob>("continuous");
   job->request.us_stamp = ready.stamp;
   job->request.may_track = true;

@@ -21,6 +21,10 @@ class RegistrationWorker {
     /// Returns the newest ultrasound. Each is registered once while no request waits; if the
     /// function is empty, only requests are registered.
     std::function<HeldVolumes::Ready()> newest;
+    /// Whether an earlier process has registered the ultrasound with this stamp, which is asked of
+    /// the first one only: a latched topic sends it again after a restart, when tf has forgotten
+    /// its time. May be empty.
+    std::function<bool(const ::ros::Time& us_stamp)> was_registered;
     /// Whether a person has to decide about a result: no continuous registration begins meanwhile.
     /// May be empty. Called as `newest` is, and after the queue was woken.
     std::function<bool()> is_decision_awaited;
@@ -47,8 +51,9 @@ class RegistrationWorker {
 
   RegistrationQueue& queue_;
   const Work work_;
-  std::uint64_t continued_ = 0;  // number of the ultrasound that was last registered continuously
-  std::thread thread_;           // last: it uses the members above
+  /// Number of the last ultrasound that was registered continuously, or before; 0: none.
+  std::uint64_t continued_ = 0;
+  std::thread thread_;  // last: it uses the members above
 };
 
 }  // namespace usct::ros_interface

@@ -4,11 +4,9 @@ given up; tf that is disputed is not used."""
 import math
 import os
 import pathlib
-import struct
 import subprocess
 import sys
 import time
-import zlib
 
 import rospy
 import rostest
@@ -17,11 +15,12 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
-from us_ct_registration.msg import Alignment, PreScanVolume, ProbeGeometry, RegistrationResult, StatusCode
+from us_ct_registration.msg import Alignment, PreScanVolume, RegistrationResult, StatusCode
 from us_ct_registration.srv import Decide, LoadCt
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from node_under_test import PACKAGE, Newest, Process, call, wait_for
+from smallest_images import ct_crc32, ultrasound
 from tf_publisher_case import CT_CRC32, TOLERANCE_S, LookUps, Stamps, TfPublisherCase, clock_ms
 
 # An fsync that takes a second, as on a slow disk.
@@ -32,23 +31,10 @@ int fsync(int file) { (void)file; sleep(1); return 0; }
 # A CT of 8 x 8 x 8 voxels of 1 mm.
 CT = (b"NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 8 8 8\n"
       b"space directions: (1,0,0) (0,1,0) (0,0,1)\nendian: little\nencoding: raw\nspace origin: (0,0,0)\n\n" + bytes(1024))
-# Its size, spacing in m, origin and directions, as its checksum covers them after the voxels.
-CT_GEOMETRY = struct.pack("<3I15d", 8, 8, 8, 0.001, 0.001, 0.001, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
 # Listeners keep transforms for this long.
 MEMORY_S = 10.0
 # A machine under load delivers a message this late.
 LATE_S = 0.1
-
-
-def ultrasound(frame):
-    """The smallest motorised sweep."""
-    data = bytes(8)
-    geometry = ProbeGeometry(type=ProbeGeometry.MOTORISED_CURVILINEAR, probe_radius=0.04, motor_radius=0.027,
-                             sample_spacing=0.001, line_angles=[-0.1, 0.1])
-    message = PreScanVolume(geometry=geometry, samples=2, lines=2, frames=2, frame_angles=[-0.1, 0.1], data=data,
-                            crc32=zlib.crc32(data))
-    message.header.stamp, message.header.frame_id = rospy.Time.now(), frame
-    return message
 
 
 class TfFaults(TfPublisherCase):
@@ -147,7 +133,7 @@ class TfFaults(TfPublisherCase):
         self.start_publisher(manager=manager, policy="auto", transform_tolerance=tolerance_s)
         with open(self.folder.name + "/ct.nrrd", "wb") as stream:
             stream.write(CT)
-        self.result(1, 0.25, ct_crc32=zlib.crc32(CT_GEOMETRY, zlib.crc32(bytes(1024))))
+        self.result(1, 0.25, ct_crc32=ct_crc32(bytes(1024)))
         self.wait_tf(0.25)
         stamps = Stamps(self.ct)
         # us_cloud waits for the pose of the ultrasound. A CT takes at least a second, since revisions are seconds.

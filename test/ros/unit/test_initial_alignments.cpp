@@ -39,7 +39,7 @@ class InitialAlignmentsTest : public testing::Test {
     options.frame = "patient";
     return options;
   }
-  double set(const SetRequest& request, const HeldCt* ct = nullptr) {
+  double set(const SetRequest& request, const std::optional<CtIdentity>& ct = {}) {
     return alignments_.set(request, ct,
                            [this]() -> std::shared_ptr<const HeldUltrasound> { return us_; });
   }
@@ -55,6 +55,7 @@ class InitialAlignmentsTest : public testing::Test {
     auto alignment = boost::make_shared<msg::Alignment>();
     alignment->state = state;
     alignment->header.frame_id = "patient";
+    alignment->header.stamp = ::ros::Time(90.0);  // of the ultrasound
     alignment->ct_frame = ct_frame;
     alignment->ct_crc32 = ct_crc32;
     alignment->policy = "auto";
@@ -145,7 +146,7 @@ TEST_F(InitialAlignmentsTest, SetStaysWithThePatientWhenTheProbeMoves) {
 }
 
 TEST_F(InitialAlignmentsTest, SetInTheFixedFrameNeedsNoUltrasound) {
-  alignments_.set(pose("patient", 1009.0), nullptr, []() -> std::shared_ptr<const HeldUltrasound> {
+  alignments_.set(pose("patient", 1009.0), {}, []() -> std::shared_ptr<const HeldUltrasound> {
     throw Refusal(Status::NO_ULTRASOUND, "none");
   });
   EXPECT_EQ(chosen(), "set 9");
@@ -164,13 +165,28 @@ TEST_F(InitialAlignmentsTest, AlignmentOfAnotherCtIsNotUsed) {
 /// A CT that is shown again, after another one, has its alignment again.
 TEST_F(InitialAlignmentsTest, SetIsThatOfTheCtThatWasHeldThen) {
   const HeldCt ct = held_ct(kCt);
-  set(pose("us", 2.0), &ct);
+  set(pose("us", 2.0), identity_of(ct));
   EXPECT_EQ(chosen({}, kCt + 1), "parameters 4");
   EXPECT_EQ(chosen(), "set 2");
-  set(pose("us", 7.0), &ct);
+  set(pose("us", 7.0), identity_of(ct));
   HeldCt renamed = ct;
   renamed.header.frame_id = "ct_of_last_month";
   EXPECT_EQ(alignments_.choose({}, *us_, renamed, 50)->source, "parameters");
+}
+
+TEST_F(InitialAlignmentsTest, IsInForceForTheUltrasoundAndTheCtOfItsResult) {
+  const CtIdentity ct("ct", kCt);
+  const ::ros::Time of_ultrasound(90.0);
+  EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, ct));
+  for (const std::uint8_t state : {msg::Alignment::ACCEPTED, msg::Alignment::RESTORED}) {
+    accept(state, 1005.0, 20);
+    EXPECT_TRUE(alignments_.is_in_force(of_ultrasound, ct));
+    EXPECT_FALSE(alignments_.is_in_force(::ros::Time(89.0), ct));
+    EXPECT_FALSE(alignments_.is_in_force(::ros::Time(91.0), ct));
+    EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, {"ct", kCt + 1}));
+  }
+  accept(msg::Alignment::NONE, 0.0, 0);
+  EXPECT_FALSE(alignments_.is_in_force(of_ultrasound, ct));
 }
 
 TEST_F(InitialAlignmentsTest, SetBeforeAnyCtIsThatOfTheFirstOneThatIsRegistered) {

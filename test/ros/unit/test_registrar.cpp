@@ -218,6 +218,22 @@ TEST_F(RegistrarRun, ACtThatArrivesMeanwhileEndsIt) {
   EXPECT_THAT(result.status.message, HasSubstr("another CT arrived while CT revision 1"));
 }
 
+TEST_F(RegistrarRun, ACtThatIsAnnouncedMeanwhileEndsIt) {
+  know(98.0, 0.0);
+  know(101.0, 0.0);
+  hold_images();
+  during_ = [this] {
+    msg::CtInfo info;
+    info.header.frame_id = "ct";
+    info.crc32 = 1;
+    volumes_.announced(info);
+  };
+  const msg::RegistrationResult result = run();
+  EXPECT_FALSE(during_);
+  EXPECT_EQ(result.status.code, Status::FAILED);
+  EXPECT_THAT(result.status.message, HasSubstr("another CT arrived while CT revision 1"));
+}
+
 TEST_F(RegistrarRun, SaysThatAMotionAfterTheStampWasNotSeen) {
   know(98.0, 0.0);
   know(100.01, 0.0);

@@ -156,6 +156,64 @@ TEST(RegistrationWorker, BeginsNoContinuousRegistrationWhileADecisionIsAwaited) 
   begun.get_future().wait();
 }
 
+/// A latched topic sends it again to a process that was started again.
+TEST(RegistrationWorker, RegistersNothingThatWasRegisteredBeforeItBegan) {
+  const ::ros::Time of_before(5.0);
+  const ::ros::Time of_later(6.0);
+  RegistrationQueue queue;
+  std::atomic<std::uint64_t> newest{1};
+  std::atomic<int> looks{0};
+  std::promise<::ros::Time> begun;
+  RegistrationWorker::Work work = named_results();
+  work.newest = [&] {
+    ++looks;
+    const std::uint64_t number = newest;
+    return HeldVolumes::Ready{number, number == 2 ? of_later : of_before};
+  };
+  // The same stamp comes again in each loop of a bag.
+  work.was_registered = [&](const ::ros::Time& stamp) { return stamp == of_before; };
+  work.run = [&, times = std::make_shared<int>(0)](RegistrationJob& job) {
+    if (++*times == 1) {
+      EXPECT_EQ(job.request.us_stamp, of_later);
+      newest = 3;
+      return Result();
+    }
+    begun.set_value(job.request.us_stamp);
+    return Result();
+  };
+  const RegistrationWorker worker(queue, work);
+  wait_for(looks, 3);
+  newest = 2;
+  queue.wake();
+  EXPECT_EQ(begun.get_future().get(), of_before);
+}
+
+TEST(RegistrationWorker, WaitsForUltrasoundThatCanBeRegistered) {
+  RegistrationQueue queue;
+  std::atomic<int> looks{0};
+  std::atomic<std::uint64_t> ready{0};
+  std::atomic<int> registered{0};
+  RegistrationWorker::Work work = named_results();
+  work.newest = [&] {
+    ++looks;
+    return HeldVolumes::Ready{ready, ::ros::Time(5.0)};
+  };
+  work.run = [&](RegistrationJob&) {
+    ++registered;
+    return Result();
+  };
+  const RegistrationWorker worker(queue, work);
+  wait_for(looks, 2);
+  EXPECT_EQ(registered, 0);
+  ready = 4;
+  wait_for(registered, 1);
+  ready = 0;  // another CT is on its way
+  wait_for(looks, looks + 2);
+  ready = 4;
+  wait_for(looks, looks + 2);
+  EXPECT_EQ(registered, 1);
+}
+
 us_ct_registration::Alignment said_by_publisher(const std::string& policy, std::uint64_t waiting) {
   us_ct_registration::Alignment message;
   message.policy = policy;
@@ -165,7 +223,7 @@ us_ct_registration::Alignment said_by_publisher(const std::string& policy, std::
 
 TEST(DecisionWatch, AwaitsAPersonFromThePublicationOfAResultToTheDecision) {
   const DecisionWatch::Clock::time_point now = DecisionWatch::Clock::now();
-  DecisionWatch watch;
+  DecisionWatch watch(now - DecisionWatch::kOnItsWay);
   watch.offered(now);
   EXPECT_FALSE(watch.is_awaited(now)) << "there may be no tf_publisher";
   watch.arrived(said_by_publisher("confirm", 0));
@@ -181,12 +239,24 @@ TEST(DecisionWatch, AwaitsAPersonFromThePublicationOfAResultToTheDecision) {
 
 TEST(DecisionWatch, AwaitsNobodyIfResultsAreAcceptedByThemselves) {
   const DecisionWatch::Clock::time_point now = DecisionWatch::Clock::now();
-  DecisionWatch watch;
+  DecisionWatch watch(now);
   watch.arrived(said_by_publisher("auto", 0));
   watch.offered(now);
   EXPECT_FALSE(watch.is_awaited(now));
   // The next result may be accepted by itself.
   watch.arrived(said_by_publisher("auto", 5));
+  EXPECT_FALSE(watch.is_awaited(now));
+}
+
+/// A result may wait since before the process began.
+TEST(DecisionWatch, AwaitsWhatIsSaidAtTheBeginning) {
+  const DecisionWatch::Clock::time_point now = DecisionWatch::Clock::now();
+  DecisionWatch watch(now);
+  EXPECT_TRUE(watch.is_awaited(now));
+  EXPECT_FALSE(watch.is_awaited(now + DecisionWatch::kOnItsWay)) << "there may be no tf_publisher";
+  watch.arrived(said_by_publisher("confirm", 5));
+  EXPECT_TRUE(watch.is_awaited(now + DecisionWatch::kOnItsWay));
+  watch.arrived(said_by_publisher("confirm", 0));
   EXPECT_FALSE(watch.is_awaited(now));
 }
 
