@@ -46,6 +46,8 @@ FusionViewNode::FusionViewNode(const ::ros::NodeHandle& node, const ::ros::NodeH
   subscribe();
   diagnostics_.setHardwareID("none");
   diagnostics_.add("view", this, &FusionViewNode::diagnose);
+  tf_timer_ = node_.createWallTimer(::ros::WallDuration(AlignmentWatch::kPeriod_s),
+                                    guarded([this](const ::ros::WallTimerEvent&) { follow_tf(); }));
   diagnostics_timer_ = node_.createWallTimer(
       ::ros::WallDuration(diagnostic_period_s),
       guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
@@ -160,6 +162,14 @@ void FusionViewNode::take_ultrasound(const msg::PreScanVolumeConstPtr& message) 
   const std::lock_guard lock(mutex_);
   ultrasound_problem_ =
       "ultrasound of " + seconds_text(message->header.stamp) + " s is not shown: " + error.what();
+}
+
+void FusionViewNode::follow_tf() {
+  const std::lock_guard lock(mutex_);
+  if (keeper_->look_up(tf_, ::ros::Time::now(), AlignmentWatch::Clock::now())) {
+    ++state_;
+    changed_.notify_all();
+  }
 }
 
 void FusionViewNode::take_ct(const msg::CtVolumeConstPtr& message) try {
@@ -325,7 +335,8 @@ void FusionViewNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagn
   else
     diagnosis.summary(DiagnosticStatus::OK, drawn_ ? headline_ : "the view is being drawn");
   const std::string warning = scene.us ? scene.us->warning : "";
-  for (const std::string& problem : {ultrasound_problem_, centre_problem_, warning})
+  for (const std::string& problem :
+       {ultrasound_problem_, centre_problem_, warning, keeper_->alignment_problem()})
     if (!problem.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem);
   for (const auto& [mode, name] : words_of(FusionMode{}))
     if (scene.us && mode == scene.mode) diagnosis.add("mode", name);

@@ -61,6 +61,8 @@ class FusionViewNode {
 
   /// Looks the ultrasound up in tf, and sets its frames where the probe was at their stamps.
   void place(const us_ct_registration::PreScanVolume& message, FusionUltrasound& us) const;
+  /// Has the view drawn again if tf has lost the alignment that is in force, or has it again.
+  void follow_tf();
   /// The point in the fixed frame of the ultrasound; nothing if it is not finite. Throws an
   /// exception that says why its place is not known.
   std::optional<FramedPoint> placed(const geometry_msgs::PointStamped& message,
@@ -109,6 +111,7 @@ class FusionViewNode {
   ::ros::ServiceServer mode_server_;
   ::ros::ServiceServer save_server_;
   diagnostic_updater::Updater diagnostics_;
+  ::ros::WallTimer tf_timer_;
   ::ros::WallTimer diagnostics_timer_;
   std::thread thread_;  // last: it uses the members above
 };
