@@ -78,5 +78,18 @@ TEST_F(PlacedSweeps, AreDrawn) {
   expect_all_sweeps_to_be_taken<sensor_msgs::Image>("view", "fusion_view", "/fusion/sheet");
 }
 
+/// tf may connect the ultrasound's frame only after the ultrasound has come.
+TEST_F(PlacedSweeps, AreDrawnWhereTheyWereOnceTfSaysIt) {
+  const Process process("fusion_view", {"__ns:=late", "_fixed_frame:=patient", "_tf_timeout:=0.1",
+                                        "_diagnostic_period:=0.05"});
+  const TfSource tf(node_, {"/late/fusion_view"});
+  const ::ros::Publisher sweeps = node_.advertise<msg::PreScanVolume>("late/us/volume", 1);
+  ASSERT_TRUE(eventually([&] { return sweeps.getNumSubscribers() == 1; }));
+  sweeps.publish(sweep("us_late", kNow));
+  EXPECT_TRUE(wait_for_newest("late", DiagnosticStatus::WARN, "us_late"));
+  tf.publish(pose_of("us_late", kNow));
+  EXPECT_TRUE(wait_for_newest("late", DiagnosticStatus::OK, ""));
+}
+
 }  // namespace
 }  // namespace usct::ros_interface
