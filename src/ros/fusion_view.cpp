@@ -8,13 +8,10 @@
 #include "ros/conversions/images.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
-#include "ros/conversions/ultrasound.h"
-#include "ros/fixed_frame.h"
 #include "ros/guarded_queue.h"
 #include "ros/refusal.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/geometry/probe_motion.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -41,11 +38,15 @@ FusionViewNode::FusionViewNode(const ::ros::NodeHandle& node, const ::ros::NodeH
   const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   keeper_ = std::make_unique<FusionSceneKeeper>(scene_options_);
+  placer_ =
+      std::make_unique<UltrasoundPlacer>(tf_, UltrasoundPlacerOptions{fixed_frame_, tf_timeout_s_});
   tf_input_ = std::make_unique<TfInput>(tf_, node_);
   advertise();
   subscribe();
   diagnostics_.setHardwareID("none");
   diagnostics_.add("view", this, &FusionViewNode::diagnose);
+  tf_timer_ = node_.createWallTimer(::ros::WallDuration(AlignmentWatch::kPeriod_s),
+                                    guarded([this](const ::ros::WallTimerEvent&) { follow_tf(); }));
   diagnostics_timer_ = node_.createWallTimer(
       ::ros::WallDuration(diagnostic_period_s),
       guarded([this](const ::ros::WallTimerEvent&) { diagnostics_.force_update(); }));
@@ -118,41 +119,12 @@ void FusionViewNode::update(const Change& change) {
   changed_.notify_all();
 }
 
-void FusionViewNode::place(const msg::PreScanVolume& message, FusionUltrasound& us) const try {
-  constexpr double kStillMm = 0.1;
-  us.fixed_frame = fixed_frame_.empty() ? message.header.frame_id : fixed_frame_;
-  us.T_fixed_us = Eigen::Isometry3d::Identity();
-  if (us.fixed_frame == message.header.frame_id) return;
-  us.T_fixed_us.reset();
-  const Eigen::Isometry3d T_fixed_us =
-      from_message_mm(wait_for_transform(tf_, us.fixed_frame, message.header.frame_id,
-                                         message.header.stamp, tf_timeout_s_)
-                          .transform,
-                      "tf");
-  us.T_fixed_us = T_fixed_us;
-  if (message.frame_stamps.empty()) return;
-  FixedFrameOptions options;
-  options.frame = fixed_frame_;
-  const std::vector<Eigen::Isometry3d> T_us_then =
-      FixedFrame(tf_, options).T_us_then(message.header, {T_fixed_us, 0.0}, message.frame_stamps);
-  ScanGeometry& geometry = us.volume.geometry;
-  if (probe_motion_mm(beam_grid(geometry), T_us_then) > kStillMm)
-    geometry = follow_probe(T_us_then, geometry);
-} catch (const std::exception& error) {
-  us.warning =
-      "WARNING: the pose of the probe is not known, a motion during the sweep would not be "
-      "seen: " +
-      std::string(error.what());
-}
-
 void FusionViewNode::take_ultrasound(const msg::PreScanVolumeConstPtr& message) try {
   require_stamped(message->header.stamp, ::ros::Time::now(), "us/volume");
-  auto us = std::make_shared<FusionUltrasound>();
-  us->header = message->header;
-  us->volume = from_message(*message, "us/volume");
-  place(*message, *us);
+  const std::lock_guard placing(placing_);
+  const std::shared_ptr<const FusionUltrasound> us = placer_->take(*message);
   update([&](FusionSceneKeeper& keeper) {
-    keeper.take(std::shared_ptr<const FusionUltrasound>(us));
+    keeper.take(us);
     ultrasound_problem_.clear();
   });
 } catch (const std::exception& error) {
@@ -160,6 +132,20 @@ void FusionViewNode::take_ultrasound(const msg::PreScanVolumeConstPtr& message) 
   const std::lock_guard lock(mutex_);
   ultrasound_problem_ =
       "ultrasound of " + seconds_text(message->header.stamp) + " s is not shown: " + error.what();
+}
+
+void FusionViewNode::follow_tf() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (keeper_->look_up(tf_, ::ros::Time::now(), AlignmentWatch::Clock::now())) {
+      ++state_;
+      changed_.notify_all();
+    }
+  }
+  const std::unique_lock placing(placing_, std::try_to_lock);
+  if (!placing) return;  // newer ultrasound is on its way
+  if (const std::shared_ptr<const FusionUltrasound> us = placer_->place_again())
+    update([&](FusionSceneKeeper& keeper) { keeper.take(us); });
 }
 
 void FusionViewNode::take_ct(const msg::CtVolumeConstPtr& message) try {
@@ -325,7 +311,8 @@ void FusionViewNode::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagn
   else
     diagnosis.summary(DiagnosticStatus::OK, drawn_ ? headline_ : "the view is being drawn");
   const std::string warning = scene.us ? scene.us->warning : "";
-  for (const std::string& problem : {ultrasound_problem_, centre_problem_, warning})
+  for (const std::string& problem :
+       {ultrasound_problem_, centre_problem_, warning, keeper_->alignment_problem()})
     if (!problem.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem);
   for (const auto& [mode, name] : words_of(FusionMode{}))
     if (scene.us && mode == scene.mode) diagnosis.add("mode", name);

@@ -24,6 +24,7 @@
 #include "ros/data_root.h"
 #include "ros/fusion/fusion_painter.h"
 #include "ros/fusion/fusion_scene.h"
+#include "ros/fusion/ultrasound_placer.h"
 #include "ros/parameters.h"
 #include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
@@ -59,8 +60,9 @@ class FusionViewNode {
   bool save(us_ct_registration::SaveFusion::Request& request,
             us_ct_registration::SaveFusion::Response& response);
 
-  /// Looks the ultrasound up in tf, and sets its frames where the probe was at their stamps.
-  void place(const us_ct_registration::PreScanVolume& message, FusionUltrasound& us) const;
+  /// Has the view drawn again if tf has lost the alignment that is in force, has it again, or has
+  /// come to know where the ultrasound was.
+  void follow_tf();
   /// The point in the fixed frame of the ultrasound; nothing if it is not finite. Throws an
   /// exception that says why its place is not known.
   std::optional<FramedPoint> placed(const geometry_msgs::PointStamped& message,
@@ -89,6 +91,9 @@ class FusionViewNode {
   TfBuffer tf_{::ros::Duration(kTfHistory_s)};
   std::unique_ptr<TfInput> tf_input_;
 
+  std::mutex placing_;  // held while ultrasound is placed and taken; guards placer_
+  std::unique_ptr<UltrasoundPlacer> placer_;
+
   std::mutex mutex_;  // guards the members below, up to seconds_
   std::condition_variable changed_;
   std::unique_ptr<FusionSceneKeeper> keeper_;
@@ -109,6 +114,7 @@ class FusionViewNode {
   ::ros::ServiceServer mode_server_;
   ::ros::ServiceServer save_server_;
   diagnostic_updater::Updater diagnostics_;
+  ::ros::WallTimer tf_timer_;
   ::ros::WallTimer diagnostics_timer_;
   std::thread thread_;  // last: it uses the members above
 };

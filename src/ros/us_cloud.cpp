@@ -50,6 +50,9 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   result_subscriber_ = node_.subscribe("registration/result", 1, &UsCloud::take_result, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("clouds", this, &UsCloud::diagnose);
+  alignment_timer_ = node_.createWallTimer(
+      ::ros::WallDuration(AlignmentWatch::kPeriod_s),
+      guarded([this](const ::ros::WallTimerEvent&) { look_for_alignment(); }));
   diagnostics_timer_ = node_.createWallTimer(::ros::WallDuration(diagnostic_period_s),
                                              guarded([this](const ::ros::WallTimerEvent&) {
                                                show_unplaced();
@@ -109,10 +112,13 @@ UsCloud::Shown UsCloud::publish_ultrasound(const msg::PreScanVolume& message, do
   shown.fans = crossed_fans(seen, spacing_mm_);
   std::vector<CloudPoint> whole = whole_volume(seen, volume_spacing_mm_);
   constexpr double kAboveMm = 25.0;
+  constexpr double kFarAboveMm = 60.0;
   constexpr double kBelowMm = 55.0;
   const double half_depth_mm = 0.5 * us.geometry.axial.spacing_mm * us.geometry.samples();
   shown.above_mm =
       shown.T_cloud_us * T_us_acquired(us.geometry) * Eigen::Vector3d(0.0, -kAboveMm, 0.0);
+  shown.far_above_mm =
+      shown.T_cloud_us * T_us_acquired(us.geometry) * Eigen::Vector3d(0.0, -kFarAboveMm, 0.0);
   shown.below_mm = shown.T_cloud_us * T_us_field(us.geometry) *
                    Eigen::Vector3d(0.0, half_depth_mm + kBelowMm, 0.0);
   for (std::vector<CloudPoint>* points : {&shown.fans, &whole})
@@ -171,6 +177,15 @@ void UsCloud::take_alignment(const msg::AlignmentConstPtr& message) {
   {
     const std::lock_guard lock(mutex_);
     placement_ = placement_of(*message);
+    alignment_watch_.arrived(*message);
+  }
+  show_ct();
+}
+
+void UsCloud::look_for_alignment() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!alignment_watch_.look_up(tf_, ::ros::Time::now(), AlignmentWatch::Clock::now())) return;
   }
   show_ct();
 }
@@ -229,15 +244,20 @@ void UsCloud::show_proposed() {
 }
 
 void UsCloud::show_aligned() {
+  const std::string& problem = alignment_watch_.problem();
+  const bool is_in_force = placement_ && placement_->T_fixed_ct && problem.empty();
   if (surface_ && placement_) {
-    const bool is_shown = placement_->T_fixed_ct && has_surface_of(placement_->ct_crc32);
-    surface_publisher_.publish(placed(*surface_, is_shown ? placement_->fixed_frame : cloud_frame(),
-                                      is_shown ? placement_->T_fixed_ct : std::nullopt,
-                                      surface_alpha_));
+    const bool is_shown = is_in_force && has_surface_of(placement_->ct_crc32);
+    visualization_msgs::MarkerArray markers =
+        placed(*surface_, is_shown ? placement_->fixed_frame : cloud_frame(),
+               is_shown ? placement_->T_fixed_ct : std::nullopt, surface_alpha_);
+    if (shown_ && !problem.empty())
+      markers.markers.push_back(not_in_force_marker(problem, cloud_frame(), shown_->far_above_mm));
+    surface_publisher_.publish(markers);
   }
   if (!shown_) return;
   std::vector<CloudPoint> points;
-  if (ct_ && placement_ && placement_->T_fixed_ct && placement_->ct_crc32 == ct_crc32_ &&
+  if (ct_ && is_in_force && placement_->ct_crc32 == ct_crc32_ &&
       placement_->fixed_frame == shown_->header.frame_id)
     points = ct_at(shown_->fans, *ct_, placement_->T_fixed_ct->inverse());
   ct_publisher_.publish(to_message(points, shown_->header));
@@ -270,7 +290,8 @@ void UsCloud::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
   const std::lock_guard lock(mutex_);
   diagnosis.summary(DiagnosticStatus::OK,
                     shown_ ? "ultrasound is shown" : "waiting for ultrasound");
-  if (!problem_.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem_);
+  for (const std::string& problem : {problem_, alignment_watch_.problem()})
+    if (!problem.empty()) diagnosis.mergeSummary(DiagnosticStatus::WARN, problem);
   if (shown_)
     diagnosis.add("age of the ultrasound [s]",
                   seconds_between(shown_->header.stamp, ::ros::Time::now()));

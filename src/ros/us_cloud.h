@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/alignment_watch.h"
 #include "ros/tf_buffer.h"
 #include "ros/tf_input.h"
 #include "ros/tf_wait.h"
@@ -45,6 +46,8 @@ class UsCloud {
     /// Points behind the array and beyond the field, where a text hides nothing.
     Eigen::Vector3d above_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d below_mm = Eigen::Vector3d::Zero();
+    /// A point above the text at `above_mm`.
+    Eigen::Vector3d far_above_mm = Eigen::Vector3d::Zero();
   };
   /// The last published pose of the CT, or the one that waits for a decision.
   struct Placement {
@@ -64,6 +67,8 @@ class UsCloud {
   void take_ct(const us_ct_registration::CtVolumeConstPtr& message);
   static Placement placement_of(const us_ct_registration::Alignment& message);
   void take_alignment(const us_ct_registration::AlignmentConstPtr& message);
+  /// Shows the CT again if tf has lost the alignment that is in force, or has it again.
+  void look_for_alignment();
   void take_proposed(const us_ct_registration::AlignmentConstPtr& message);
   void take_surface(const visualization_msgs::MarkerArrayConstPtr& message);
   void take_result(const us_ct_registration::RegistrationResultConstPtr& message);
@@ -84,7 +89,7 @@ class UsCloud {
   void show_ct();
   /// Publishes the surfaces where an alignment has them that waits for a decision, if any.
   void show_proposed();
-  /// Publishes the surfaces and the CT on the fans; an empty cloud while there is no alignment.
+  /// Publishes the surfaces and the CT on the fans; an empty cloud while no alignment is in force.
   void show_aligned();
   /// Publishes the best candidate of a refused registration, if it is of the CT and the ultrasound
   /// that are shown; otherwise removes what was shown of another one.
@@ -106,7 +111,8 @@ class UsCloud {
   std::uint32_t ct_crc32_ = 0;
   visualization_msgs::MarkerArrayConstPtr surface_;
   std::optional<Placement> placement_;  // empty until the first alignment arrives
-  std::optional<Placement> proposed_;   // the same for those that wait
+  AlignmentWatch alignment_watch_;
+  std::optional<Placement> proposed_;  // the same for those that wait
   /// The last result, if it was refused and has a candidate.
   us_ct_registration::RegistrationResultConstPtr refused_;
   std::string problem_;  // of the last ultrasound; empty if it is shown
@@ -128,6 +134,7 @@ class UsCloud {
   ::ros::Subscriber proposed_subscriber_;
   ::ros::Subscriber result_subscriber_;
   diagnostic_updater::Updater diagnostics_;
+  ::ros::WallTimer alignment_timer_;
   ::ros::WallTimer diagnostics_timer_;
 };
 

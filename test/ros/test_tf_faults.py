@@ -221,6 +221,21 @@ class TfFaults(TfPublisherCase):
         self.wait_tf(0.25)
         self.assertEqual(self.alignment.message.state, Alignment.ACCEPTED)
 
+    def test_what_is_shown_ends_with_its_publisher(self):
+        self.start("us_cloud", fixed_frame=self.fixed, diagnostic_period=0.1)
+
+        def wait_for_cloud(level, condition, what):
+            self.diagnosis(lambda s: "us_cloud" in s.name and s.level == level and condition(s), what)
+        process = self.start_publisher(policy="auto")
+        self.result(1, 0.25)
+        wait_for_cloud(DiagnosticStatus.OK, lambda s: any("is broadcast" in one.value for one in s.values), "an alignment")
+        process.kill()
+        wait_for_cloud(DiagnosticStatus.WARN, lambda s: "tf does not connect" in s.message, "it to be missed")
+        self.start_publisher(policy="auto")
+        self.result(2, 0.25)
+        self.wait_state(Alignment.ACCEPTED, 2)
+        wait_for_cloud(DiagnosticStatus.OK, lambda s: True, "it to be in force again")
+
     def test_what_waits_is_not_shown_in_a_frame_that_is_in_use(self):
         self.start_publisher(policy="confirm", proposed_frame=self.ct)
         self.result(1, 0.25)

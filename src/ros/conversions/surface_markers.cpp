@@ -58,6 +58,7 @@ struct Mark {
 };
 constexpr Mark kRefused{"REFUSED", 1.0F, 0.1F, 0.1F};
 constexpr Mark kProposed{"PROPOSED", 1.0F, 0.75F, 0.1F};
+constexpr Mark kNotInForce{"NOT IN FORCE", 0.7F, 0.7F, 0.7F};
 
 void colour_as(const Mark& mark, double alpha, Marker& marker) {
   marker.ns = mark.name;
@@ -172,6 +173,11 @@ MarkerArray proposed_markers(const MarkerArray& surfaces_ct, const ProposedAlign
     result.markers.push_back(marked_text(-1, "PROPOSED: " + in_lines(proposed.text), kReasonM,
                                          proposed.frame, *proposed.text_mm, kProposed));
   return result;
+}
+
+Marker not_in_force_marker(const std::string& reason, const std::string& frame,
+                           const Eigen::Vector3d& at_mm) {
+  return marked_text(-1, in_lines(reason), kReasonM, frame, at_mm, kNotInForce);
 }
 
 }  // namespace usct::ros_interface

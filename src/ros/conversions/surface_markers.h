@@ -64,4 +64,9 @@ struct ProposedAlignment {
 visualization_msgs::MarkerArray proposed_markers(const visualization_msgs::MarkerArray& surfaces_ct,
                                                  const ProposedAlignment& proposed, double alpha);
 
+/// A text in place of the surfaces of an alignment that is not in force, at a point in `frame`:
+/// grey, in the namespace "NOT IN FORCE", to be sent after a marker that deletes those before.
+visualization_msgs::Marker not_in_force_marker(const std::string& reason, const std::string& frame,
+                                               const Eigen::Vector3d& at_mm);
+
 }  // namespace usct::ros_interface

@@ -50,6 +50,11 @@ std::optional<FusionMode> fusion_mode_named(const std::string& name) {
 FusionSceneKeeper::FusionSceneKeeper(FusionSceneOptions options)
     : options_(std::move(options)), mode_(options_.mode) {}
 
+void FusionSceneKeeper::take_alignment(const msg::Alignment& message) {
+  alignment_ = message;
+  alignment_watch_.arrived(message);
+}
+
 void FusionSceneKeeper::take_result(const msg::RegistrationResult& message) {
   constexpr std::size_t kMostResults = 16;
   Known taken{message.header, message.ct_crc32, message.id,
@@ -134,7 +139,8 @@ FusionPose FusionSceneKeeper::pose_of(const FusionUltrasound& us, const FusionCt
     asides += aside(name_of(proposed_) + ", which waits for a decision,", waiting.why_not);
   }
   const std::optional<FusionPose> refused = refused_pose(us, *ct);
-  if (alignment_.state != msg::Alignment::NONE) {
+  const std::string& problem = alignment_problem();
+  if (alignment_.state != msg::Alignment::NONE && problem.empty()) {
     const Attempt accepted = pose_by(alignment_, us, *ct);
     const bool is_restored = alignment_.state == msg::Alignment::RESTORED;
     if (accepted.T_us_ct)
@@ -147,12 +153,12 @@ FusionPose FusionSceneKeeper::pose_of(const FusionUltrasound& us, const FusionCt
   }
   if (refused) {
     FusionPose pose = *refused;
-    pose.headline += asides;
+    pose.headline += asides + (problem.empty() ? "" : " (" + problem + ")");
     pose.evidence = warning + pose.evidence;
     return pose;
   }
-  none.headline += (alignment_.message.empty() ? "nothing is accepted" : alignment_.message);
-  none.headline += asides;
+  const std::string& reason = problem.empty() ? alignment_.message : problem;
+  none.headline += (reason.empty() ? "nothing is accepted" : reason) + asides;
   return none;
 }
 

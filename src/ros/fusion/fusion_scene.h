@@ -15,6 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "ros/alignment_watch.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/rendering/fusion_view.h"
 
@@ -68,15 +70,23 @@ struct FusionSceneOptions {
 };
 
 /// Keeps the newest images and decisions, and says what may be drawn: a pose only on the ultrasound
-/// and with the CT that were registered, by stamp and checksum. Not synchronised.
+/// and with the CT that were registered, by stamp and checksum, and an accepted one only while tf
+/// has it. Not synchronised.
 class FusionSceneKeeper {
  public:
   explicit FusionSceneKeeper(FusionSceneOptions options);
 
   void take(std::shared_ptr<const FusionUltrasound> us) { us_ = std::move(us); }
   void take(std::shared_ptr<const FusionCt> ct) { ct_ = std::move(ct); }
-  void take_alignment(const us_ct_registration::Alignment& message) { alignment_ = message; }
+  void take_alignment(const us_ct_registration::Alignment& message);
   void take_proposed(const us_ct_registration::Alignment& message) { proposed_ = message; }
+  /// Looks the accepted alignment up in tf. Returns whether it may change the scene.
+  bool look_up(const TfBuffer& tf, const ::ros::Time& now,
+               AlignmentWatch::Clock::time_point wall_now) {
+    return alignment_watch_.look_up(tf, now, wall_now);
+  }
+  /// Why the accepted alignment is not in force; empty if it is, or if there is none.
+  const std::string& alignment_problem() const { return alignment_watch_.problem(); }
   /// Throws InputError, naming the topic, as `registration_result_from`.
   void take_result(const us_ct_registration::RegistrationResult& message);
   /// Throws InputError, naming the topic, if a marker's pose is not rigid.
@@ -116,6 +126,7 @@ class FusionSceneKeeper {
   std::shared_ptr<const FusionUltrasound> us_;
   std::shared_ptr<const FusionCt> ct_;
   us_ct_registration::Alignment alignment_;
+  AlignmentWatch alignment_watch_;
   us_ct_registration::Alignment proposed_;
   std::map<std::uint64_t, Known> results_;
   std::optional<Known> last_;

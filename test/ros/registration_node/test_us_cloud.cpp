@@ -19,6 +19,9 @@ using visualization_msgs::MarkerArray;
 
 const Isometry3d kPatientUsAtCloud = test::rigid({-0.3, 0.2, 0.5}, {-80, 200, 700});
 
+/// A frame of its own, since tf_publishers of other namespaces broadcast theirs.
+const std::string kCtAtCloud = "ct_of_us_cloud";
+
 struct Cloud {
   std::vector<Vector3d> points_mm;
   std::vector<float> intensities;
@@ -77,11 +80,27 @@ class UsCloudNode : public testing::Test {
     msg::Alignment message;
     message.header = header("patient", ::ros::Time::now());
     message.state = state;
-    message.ct_frame = "ct";
+    message.ct_frame = kCtAtCloud;
     message.ct_crc32 = ct_crc32;
     message.transform = to_message(kPatientUsAtCloud * agar().T_us_ct_true);
     message.message = "result 5 waits for accept or reject";
     return message;
+  }
+
+  /// Announces an alignment that is in force: tf has it, for longer than a test takes.
+  void accept(std::uint32_t ct_crc32) {
+    constexpr double kLongS = 25.0;
+    const msg::Alignment accepted = alignment(msg::Alignment::ACCEPTED, ct_crc32);
+    tf2_msgs::TFMessage poses;
+    for (const double offset_s : {-1.0, kLongS}) {
+      poses.transforms.emplace_back();
+      poses.transforms.back().header =
+          header("patient", ::ros::Time::now() + ::ros::Duration(offset_s));
+      poses.transforms.back().child_frame_id = accepted.ct_frame;
+      poses.transforms.back().transform = accepted.transform;
+    }
+    tf_.publish(poses);
+    alignment_.publish(accepted);
   }
 
   ::ros::NodeHandle node_;
@@ -113,11 +132,11 @@ TEST_F(UsCloudNode, ShowsTheCtOnlyWithAnAlignmentOfThisCt) {
   ASSERT_NE(ct.crc32, 0U);
   ct_.publish(ct);
   cloud_of_moving(0.0, true, "us_cloud_with_ct");
-  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  accept(ct.crc32);
   ct_cloud_.wait([](const auto& cloud) { return cloud.width > 1000; });
-  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32 + 1));
+  accept(ct.crc32 + 1);
   ct_cloud_.wait([](const auto& cloud) { return cloud.width == 0; });
-  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  accept(ct.crc32);
   ct_cloud_.wait([](const auto& cloud) { return cloud.width > 1000; });
   alignment_.publish(alignment(msg::Alignment::NONE, 0));
   ct_cloud_.wait([](const auto& cloud) { return cloud.width == 0; });
@@ -174,13 +193,13 @@ TEST_F(UsCloudNode, NeverPlacesTheSurfacesOfAnotherCt) {
   };
   const auto are_shown = [&](const MarkerArray& array) { return triangles(array) == 1; };
   const auto are_gone = [&](const MarkerArray& array) { return triangles(array) == 0; };
-  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32));
+  accept(ct.crc32);
   surface_.publish(surfaces_of(ct.crc32));
   placed_markers_.wait(are_shown);
   surface_.publish(surfaces_of(ct.crc32 + 1));
   placed_markers_.wait(are_gone);
   // Those of the next CT, once its alignment is in force.
-  alignment_.publish(alignment(msg::Alignment::ACCEPTED, ct.crc32 + 1));
+  accept(ct.crc32 + 1);
   placed_markers_.wait(are_shown);
 }
 

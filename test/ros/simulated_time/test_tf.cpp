@@ -6,10 +6,10 @@
 #include <algorithm>
 
 #include "clock.h"
-#include "ros/conversions/ultrasound.h"
 #include "ros/process.h"
 #include "ros/tf_source.h"
 #include "ros/us_ingest/inbox.h"
+#include "sweep.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -23,30 +23,6 @@ using diagnostic_msgs::DiagnosticStatus;
 class PlacedSweeps : public testing::Test {
  protected:
   PlacedSweeps() : clock_(node_), diagnostics_(node_, "/diagnostics") { clock_.set(kNow); }
-
-  static msg::PreScanVolume sweep(const std::string& us_frame, const ::ros::Time& stamp) {
-    PreScanVolume volume;
-    MotorSweep motor{27.25, {}, 0.011};
-    for (int i = 0; i < 12; ++i) motor.frame_angles_rad.push_back(0.0213 * i - 0.1);
-    volume.geometry = {{20, 3.1, 0.37}, CurvilinearArray{40.3, {-0.1, 0.03, 0.1}}, motor};
-    volume.voxels.resize(12 * 3 * 20);
-    for (std::size_t i = 0; i < volume.voxels.size(); ++i)
-      volume.voxels[i] = static_cast<std::uint8_t>(i % 251);
-    std_msgs::Header header;
-    header.frame_id = us_frame;
-    header.stamp = stamp;
-    return to_message(volume, header);
-  }
-
-  static tf2_msgs::TFMessage pose_of(const std::string& us_frame, const ::ros::Time& stamp) {
-    tf2_msgs::TFMessage message;
-    message.transforms.resize(1);
-    message.transforms[0].header.frame_id = "patient";
-    message.transforms[0].header.stamp = stamp;
-    message.transforms[0].child_frame_id = us_frame;
-    message.transforms[0].transform.rotation.w = 1.0;
-    return message;
-  }
 
   /// The node publishes on `topic` what it makes of each sweep. Whether it does so of one that it
   /// cannot place is its own matter, but it says which frame tf lacks, and goes on.
@@ -100,6 +76,19 @@ TEST_F(PlacedSweeps, AreShownAsClouds) {
 
 TEST_F(PlacedSweeps, AreDrawn) {
   expect_all_sweeps_to_be_taken<sensor_msgs::Image>("view", "fusion_view", "/fusion/sheet");
+}
+
+/// tf may connect the ultrasound's frame only after the ultrasound has come.
+TEST_F(PlacedSweeps, AreDrawnWhereTheyWereOnceTfSaysIt) {
+  const Process process("fusion_view", {"__ns:=late", "_fixed_frame:=patient", "_tf_timeout:=0.1",
+                                        "_diagnostic_period:=0.05"});
+  const TfSource tf(node_, {"/late/fusion_view"});
+  const ::ros::Publisher sweeps = node_.advertise<msg::PreScanVolume>("late/us/volume", 1);
+  ASSERT_TRUE(eventually([&] { return sweeps.getNumSubscribers() == 1; }));
+  sweeps.publish(sweep("us_late", kNow));
+  EXPECT_TRUE(wait_for_newest("late", DiagnosticStatus::WARN, "us_late"));
+  tf.publish(pose_of("us_late", kNow));
+  EXPECT_TRUE(wait_for_newest("late", DiagnosticStatus::OK, ""));
 }
 
 }  // namespace

@@ -125,6 +125,23 @@ TEST(FusionScene, WhatIsRestoredSaysSo) {
   EXPECT_THAT(kept.pose().headline, HasSubstr("before a restart"));
 }
 
+TEST(FusionScene, WhatIsNotInTfIsNotDrawnAsAccepted) {
+  Kept kept;
+  kept.keeper.take_alignment(alignment(msg::Alignment::ACCEPTED, 5));
+  const FusionScene accepted = kept.keeper.scene();
+  TfBuffer tf;
+  const AlignmentWatch::Clock::time_point begin;
+  const ::ros::Time now(1001.0);
+  EXPECT_FALSE(kept.keeper.look_up(tf, now, begin));
+  EXPECT_EQ(kept.pose().standing, PoseStanding::kAccepted);
+  EXPECT_TRUE(kept.keeper.look_up(tf, now, begin + AlignmentWatch::kPatience));
+  kept.expect_none("is not in force: tf does not connect");
+  EXPECT_FALSE(kept.keeper.is_current(accepted));
+  kept.keeper.take_result(result(4, msg::StatusCode::LOW_CONFIDENCE));
+  EXPECT_EQ(kept.pose().standing, PoseStanding::kRefused);
+  EXPECT_THAT(kept.pose().headline, HasSubstr("is not in force"));
+}
+
 TEST(FusionScene, APoseOfOtherImagesIsNotDrawn) {
   for (const bool is_waiting : {false, true}) {
     Kept kept;

@@ -109,6 +109,17 @@ TEST(ProposedMarkers, AreAmberAndSayWhatWaitsWhereThereIsAPlaceForIt) {
   EXPECT_EQ(proposed_markers(surfaces, proposed, 0.5).markers.size(), 3u);
 }
 
+TEST(NotInForceMarker, IsAGreyText) {
+  const Marker marker = not_in_force_marker("tf does not have it", "patient", {0, 0, 400});
+  EXPECT_EQ(marker.type, Marker::TEXT_VIEW_FACING);
+  EXPECT_EQ(marker.ns, "NOT IN FORCE");
+  EXPECT_EQ(marker.header.frame_id, "patient");
+  EXPECT_EQ(marker.text, "tf does not have it");
+  EXPECT_EQ(marker.pose.position.z, 0.4);
+  EXPECT_EQ(marker.color.r, marker.color.g);
+  EXPECT_EQ(marker.color.r, marker.color.b);
+}
+
 TEST(RefusedMarkers, SayWhyWithoutSurfacesToo) {
   const auto found = refused_markers(
       {}, {"patient", Eigen::Isometry3d::Identity(), "no reason", {0, 0, 0}, {0, 0, 0}}, 0.5);
