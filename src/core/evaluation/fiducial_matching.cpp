@@ -16,6 +16,9 @@ using Points = std::vector<Vector3d>;
 
 constexpr std::size_t kMostFewer = 8;
 constexpr std::size_t kMostMore = 40;
+/// Pairs that are tried: seconds. Where the tolerance is as large as the distances of the points,
+/// almost all of more than 1e12 pairings fit.
+constexpr std::size_t kMostTried = 20'000'000;
 
 /// The value that a chi-square variable exceeds in one of 1000 cases (Wilson and Hilferty 1931).
 double rare_chi_square(double degrees) {
@@ -25,7 +28,7 @@ double rare_chi_square(double degrees) {
 }
 
 /// Tries all ways to give each point of the smaller set a partner in the larger one, and abandons a
-/// beginning as soon as two distances disagree.
+/// beginning as soon as two distances disagree. Gives up after kMostTried pairs.
 class MatchSearch {
  public:
   MatchSearch(const Points& fewer, const Points& more, double fle_mm)
@@ -42,6 +45,8 @@ class MatchSearch {
     double fre_mm;
   };
 
+  bool has_given_up() const { return tried_ > kMostTried; }
+
   std::vector<Found> search() {
     extend();
     std::sort(found_.begin(), found_.end(),
@@ -55,7 +60,8 @@ class MatchSearch {
       keep_if_it_fits();
       return;
     }
-    for (std::size_t candidate = 0; candidate < more_.size(); ++candidate) {
+    for (std::size_t candidate = 0; candidate < more_.size() && !has_given_up(); ++candidate) {
+      ++tried_;
       if (used_[candidate] || !is_compatible(candidate)) continue;
       used_[candidate] = true;
       partners_.push_back(candidate);
@@ -89,6 +95,7 @@ class MatchSearch {
   const Points& more_;
   double tolerance_mm_ = 0.0;
   double largest_fre_mm_ = 0.0;
+  std::size_t tried_ = 0;
   std::vector<bool> used_;
   std::vector<std::size_t> partners_;
   std::vector<Found> found_;
@@ -109,7 +116,14 @@ FiducialMatching match_fiducials(const Points& fiducials_us_mm, const Points& fi
   registration::spread_of(fewer, 0.05, source);
   registration::spread_of(more, 0.0, source);
   FiducialMatching matching;
-  for (const MatchSearch::Found& found : MatchSearch(fewer, more, fle_mm).search()) {
+  MatchSearch search(fewer, more, fle_mm);
+  const std::vector<MatchSearch::Found> all = search.search();
+  if (search.has_given_up())
+    throw InputError(source,
+                     formatted("too many pairings fit a localization error of %g mm: give a "
+                               "smaller error, or fewer points",
+                               fle_mm));
+  for (const MatchSearch::Found& found : all) {
     FiducialMatch match;
     match.fre_mm = found.fre_mm;
     for (std::size_t i = 0; i < found.partners.size(); ++i) {

@@ -242,7 +242,9 @@ std::optional<Registration> Attempt::tracked(const Lead& lead) {
   if (!refined || has_left(optima.front(), *refined)) return std::nullopt;
   const Outcome<Judged> best = judge_refined(assessor, optima, compared, *refined);
   if (!best || !is_believed(*best)) return std::nullopt;
-  return Registration{result_of(optima, best->refined, best->assessment, best->failure), {}};
+  Registration registration{result_of(optima, best->refined, best->assessment, best->failure), {}};
+  registration.was_tracked = true;
+  return registration;
 }
 
 }  // namespace usct::registration

@@ -19,6 +19,8 @@ struct Registration {
   bool by_patient = false;
   /// Whether matched blocks found the pose: `similarity` is then that of their search.
   bool by_blocks = false;
+  /// Whether the pose was tracked, without a search.
+  bool was_tracked = false;
 };
 
 class Attempt {

@@ -1,5 +1,7 @@
 #include "us_ct_registration/registration/confidence_text.h"
 
+#include <limits>
+
 #include "us_ct_registration/formatted.h"
 
 namespace usct {
@@ -60,7 +62,8 @@ std::string evidence_text(const Measures& m) {
              "comparison with chance", right->chance,
              formatted("the pose has %.2f times the similarity that chance reaches, and %.2f times "
                        "that of the best pose elsewhere (patch by patch: t = %.1f)",
-                       *m.chance_ratio, *m.rival_ratio, *m.rival_advantage),
+                       m.chance_ratio.value_or(std::numeric_limits<double>::quiet_NaN()),
+                       *m.rival_ratio, *m.rival_advantage),
              "check that the CT is of this patient and that the kidney is in view, and give an "
              "initial pose that is closer") +
          line("same anatomy", right->anatomy,

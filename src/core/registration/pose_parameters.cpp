@@ -28,9 +28,6 @@ Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& w) {
   return Eigen::Matrix3d::Identity() + first * cross + second * cross * cross;
 }
 
-/// The points only set scales here, so any that are not on a line in double precision will do.
-constexpr double kLeastSpreadRatio = 1e-6;
-
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rotation_vector_rad) {
   const double angle = rotation_vector_rad.norm();
   if (angle == 0.0) return Eigen::Matrix3d::Identity();
@@ -54,8 +51,9 @@ PoseParameters::PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
                                const std::vector<Eigen::Vector3d>& points_us_mm)
     : T_us_ct_initial_(T_us_ct_initial) {
   require_initial(T_us_ct_initial);
-  const registration::Spread spread =
-      registration::spread_of(points_us_mm, kLeastSpreadRatio, "points of the field of view");
+  // The points only set scales here, so any that are not on a line will do.
+  const registration::Spread spread = registration::spread_of(
+      points_us_mm, registration::kLeastSpreadRatio, "points of the field of view");
   centre_us_mm_ = spread.centroid_mm;
   // The mean of [p]x^T [p]x = |p|^2 I - p p^T.
   const Eigen::Matrix3d& covariance = spread.covariance_mm2;

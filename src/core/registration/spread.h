@@ -6,6 +6,10 @@
 
 namespace usct::registration {
 
+/// Points that spread by less than this across a line, as a share of what they spread along it, lie
+/// on it in double precision.
+constexpr double kLeastSpreadRatio = 1e-6;
+
 /// Centroid of points, and their spread about it.
 struct Spread {
   Eigen::Vector3d centroid_mm;
@@ -19,5 +23,8 @@ struct Spread {
 /// the second largest deviation is below `least_ratio` of the largest, that is they lie on a line.
 Spread spread_of(const std::vector<Eigen::Vector3d>& points_mm, double least_ratio,
                  const std::string& source);
+
+/// Whether finite points lie on a line, within kLeastSpreadRatio.
+bool lie_on_a_line(const std::vector<Eigen::Vector3d>& points_mm);
 
 }  // namespace usct::registration

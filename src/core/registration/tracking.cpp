@@ -53,8 +53,8 @@ RegistrationResult RegistrationTracker::next(const BeamUltrasound& ultrasound, c
   if (known_) lead.emplace(registration::Lead{known_->trail, tracking_.reach_mm});
   const registration::Registration ended = registration::run_pipeline(
       {ultrasound, ct, T_us_ct_initial, options}, hooks, lead ? &*lead : nullptr);
-  const bool was_full = ended.result.seconds.count("search") != 0;
-  if (was_full) known_.reset();
+  // A search may have been made for a correction of the sweep that did not hold.
+  if (!ended.was_tracked) known_.reset();
   if (ended.trail)
     known_ = std::make_unique<Known>(Known{*ended.trail, by_patient || ended.by_patient,
                                            ct.number(), ultrasound.beams.axial,

@@ -49,10 +49,11 @@ std::optional<Followed> follow(const Trail& trail, const SearchProblem& problem,
                                Run& run) {
   const Similarity& similarity = *problem.similarities.back().all;
   const Isometry3d T_now_before = problem.T_us_ct_initial * trail.T_us_ct.inverse();
-  const double reach_mm = confidence.rival_mm;
+  const OptimizerOptions& optimizer = problem.options.levels.back().optimizer;
+  const double reach_mm = std::max(confidence.rival_mm, 2.0 * optimizer.step_tolerance);
   std::vector<Candidate> optima{{problem.T_us_ct_initial, {}}};
   for (const Candidate& rival : trail.rivals) optima.push_back({T_now_before * rival.T_us_ct, {}});
-  const Climb how{problem.options.levels.back().optimizer, reach_mm, {}, problem.seed};
+  const Climb how{optimizer, reach_mm, {}, problem.seed};
   climb(similarity, how, problem.field, optima, run);
   const Candidate tracked = optima.front();
   const bool is_beaten = std::any_of(optima.begin(), optima.end(), [&](const Candidate& other) {

@@ -21,9 +21,10 @@ DepthProfiles depth_profiles(const float* values, std::size_t count,
     std::vector<double> sums(depths);
     for (std::size_t beam = 0; beam < beams; ++beam)
       for (std::size_t i = 0, from = beam * samples + first; i < depths; ++i, ++from) {
-        sums[i] += values[from];
+        const bool is_known = known.empty() || known[from] != 0;
+        sums[i] += is_known ? values[from] : 0.0F;
         columns[i * beams + counts[i]] = values[from];
-        counts[i] += known.empty() || known[from] != 0 ? 1 : 0;
+        counts[i] += is_known ? 1 : 0;
       }
     for (std::size_t i = 0; i < depths; ++i) {
       result.mean[first + i] = sums[i] / static_cast<double>(counts[i]);

@@ -12,8 +12,8 @@ struct DepthProfiles {
   std::vector<double> median;
 };
 
-/// `values`: samples x beams, `count` in all, 0 where they are not known. `known`: 0 where a value
-/// is not known; empty if all are.
+/// `values`: samples x beams, `count` in all. `known`: 0 where a value is not known; empty if all
+/// are.
 DepthProfiles depth_profiles(const float* values, std::size_t count,
                              const std::vector<std::uint8_t>& known, std::size_t samples);
 

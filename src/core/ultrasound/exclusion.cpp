@@ -165,12 +165,22 @@ class Exclusion {
     if (std::all_of(found.begin(), found.end(), [&](int s) { return s == samples_; })) return;
     for_beams(
         [&](int beam) { wall_[static_cast<std::size_t>(beam)] = median_around(found, beam); });
-    const auto with_wall = static_cast<double>(
-        std::count_if(wall_.begin(), wall_.end(), [&](int s) { return s < samples_; }));
-    result_.far_wall_share = with_wall / beams_;
+    result_.far_wall_share = far_wall_share();
     if (result_.far_wall_share >= *least_share) return;
     result_.far_wall_share = 0.0;
     std::fill(wall_.begin(), wall_.end(), samples_);
+  }
+
+  /// The share of the beams outside air that end at a far wall.
+  double far_wall_share() const {
+    double with_wall = 0.0;
+    double in_contact = 0.0;
+    for (int beam = 0; beam < beams_; ++beam) {
+      if (is_in_air(beam)) continue;
+      with_wall += wall_[static_cast<std::size_t>(beam)] < samples_ ? 1.0 : 0.0;
+      in_contact += 1.0;
+    }
+    return in_contact > 0.0 ? with_wall / in_contact : 0.0;
   }
 
   /// The grey value that only a far wall exceeds: that of the brightest sample in the nearer half.
@@ -184,7 +194,7 @@ class Exclusion {
     std::vector<float> brightest(static_cast<std::size_t>(us_.beams.frames));
     for_frames([&](int first_beam, int last_beam) {
       float most = 0.0F;
-      for (int beam = first_beam; beam < last_beam; ++beam)
+      for (int beam = first_beam; beam < last_beam && !is_in_air(beam); ++beam)
         for (int s = first; s < half; ++s) most = std::max(most, soft_[at(beam, s)]);
       brightest[static_cast<std::size_t>(first_beam / us_.beams.lines)] = most;
     });

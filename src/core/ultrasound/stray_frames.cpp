@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
 
 #include "ultrasound/probe_path.h"
 #include "us_ct_registration/formatted.h"
@@ -11,21 +12,42 @@ namespace {
 
 constexpr int kBeside = 3;  // frames before and after one that it is compared with
 
-bool is_far(const BeamGrid& beams, int frame, int other) {
-  return farthest_apart_mm(beams, frame, other) > kStrayMm;
+/// The lower median distance of neighbours among the frames from `first` to `last` other than
+/// `frame`, mm. The frames beside it may be stray as well.
+double usual_step_mm(const BeamGrid& beams, int first, int last, int frame) {
+  std::vector<double> steps;
+  for (int f = first; f < last; ++f)
+    if (f != frame && f + 1 != frame) steps.push_back(farthest_apart_mm(beams, f, f + 1));
+  if (steps.empty()) return 0.0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>((steps.size() - 1) / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return *middle;
 }
 
 bool is_stray(const BeamGrid& beams, int frame) {
   const int first = std::max(0, frame - kBeside);
   const int last = std::min(beams.frames - 1, frame + kBeside);
+  const auto is_far = [&](int other, double allowed_mm) {
+    return farthest_apart_mm(beams, frame, other) > allowed_mm;
+  };
+  // Most frames end here.
+  bool any = false;
+  for (int other = first; other <= last; ++other) any |= is_far(other, kStrayMm);
+  if (!any) return false;
+  // A probe that moves fast and turns back is as far from the frames before and after, at its usual
+  // step.
+  const double step_mm = usual_step_mm(beams, first, last, frame);
+  const auto is_off_from = [&](int other) {
+    return is_far(other, kStrayMm + std::abs(other - frame) * step_mm);
+  };
   int far = 0;
   bool is_off = false;  // away from a path that comes back
-  for (int before = first; before < frame; ++before) far += is_far(beams, frame, before) ? 1 : 0;
+  for (int before = first; before < frame; ++before) far += is_off_from(before) ? 1 : 0;
   for (int after = frame + 1; after <= last; ++after) {
-    if (!is_far(beams, frame, after)) continue;
+    if (!is_off_from(after)) continue;
     ++far;
     for (int before = first; before < frame; ++before)
-      is_off |= is_far(beams, frame, before) && !is_far(beams, before, after);
+      is_off |= is_off_from(before) && farthest_apart_mm(beams, before, after) <= kStrayMm;
   }
   return is_off && 2 * far > last - first;
 }

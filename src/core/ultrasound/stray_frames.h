@@ -14,10 +14,11 @@ constexpr double kStrayMm = 20.0;
 constexpr double kMostStrayShare = 0.1;
 
 /// The frames of a tracked sweep whose poses cannot be right, in ascending order: each has a corner
-/// of the field of view farther than kStrayMm from where most of the three frames before it and the
-/// three after it have theirs, of which some before and some after lie nearer to each other. A
-/// tracker gives such poses for an instant, from a reflection or a marker that is half hidden. None
-/// is a jump after which the probe goes on elsewhere, or a probe that moves fast.
+/// of the field of view farther than kStrayMm, and the way that the probe goes meanwhile at its
+/// step between the other frames, from where most of the three frames before it and the three after
+/// it have theirs, of which some before and some after lie nearer to each other. A tracker gives
+/// such poses for an instant, from a reflection or a marker that is half hidden. None is a jump
+/// after which the probe goes on elsewhere, or a probe that moves fast.
 ///
 /// None if more than kMostStrayShare of the frames lie so, as where their order is not that of a
 /// path, or if the sweep is that of a motor. The beams must be valid.

@@ -73,6 +73,16 @@ TEST(FiducialMatching, AMirroredSetIsRefused) {
                      {"no pairing of 5", "with 5", "1 mm"});
 }
 
+/// With an error as large as the distances of the points, all of 40! / 32! pairings fit.
+TEST(FiducialMatching, AnErrorForWhichAlmostAllPairingsFitIsRefused) {
+  Points few;
+  Points many;
+  for (int i = 0; i < 40; ++i) many.emplace_back(7 * i % 40, 11 * i % 40, 17 * i % 40);
+  for (int i = 0; i < 8; ++i) few.push_back(many[static_cast<std::size_t>(3 * i)]);
+  expect_input_error([&] { match_fiducials(few, many, 30.0, "points"); },
+                     {"points", "too many pairings", "30 mm"});
+}
+
 TEST(FiducialMatching, BadInputIsNamed) {
   expect_input_error([] { match_fiducials(Points(9), Points(9), 1.0); }, {"9 and 9", "at most 8"});
   expect_input_error(

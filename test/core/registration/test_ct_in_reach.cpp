@@ -35,6 +35,28 @@ TEST(CtInReach, DoesNotGrowWithTheCt) {
   EXPECT_LT(a.size.maxCoeff(), 300);
 }
 
+/// A probe that goes there and back often: frames at any even distance may all lie at one end.
+TEST(CtInReach, HoldsEveryFrameOfASweepThatComesBack) {
+  const CtVolume ct = vast_ct(agar_case(), 400);
+  const BeamGrid once = agar_case().us.beams;
+  BeamGrid beams = once;
+  constexpr int kCycle = 10;
+  beams.frames = 6 * kCycle + 1;
+  beams.beams.clear();
+  for (int f = 0; f < beams.frames; ++f) {
+    const int there = std::min(f % kCycle, kCycle - f % kCycle);
+    const int from = there * (once.frames - 1) / (kCycle / 2);
+    const auto begin = once.beams.begin() + static_cast<std::ptrdiff_t>(from) * once.lines;
+    beams.beams.insert(beams.beams.end(), begin, begin + once.lines);
+  }
+  const SearchOptions options = quick_options().search;
+  const Isometry3d initial = nearby(agar_case());
+  const Region of_once = ct_in_reach(ct, once, initial, options).region;
+  const Region of_all = ct_in_reach(ct, beams, initial, options).region;
+  EXPECT_LE((of_all.begin - of_once.begin).cwiseAbs().maxCoeff(), 1);
+  EXPECT_LE((of_all.size - of_once.size).cwiseAbs().maxCoeff(), 2);
+}
+
 TEST(CtInReach, HoldsTheFieldOfViewAtAllStarts) {
   const CtVolume ct = vast_ct(agar_case(), 1000);
   const BeamGrid& beams = agar_case().us.beams;

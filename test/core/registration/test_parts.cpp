@@ -97,6 +97,25 @@ TEST(Parts, HalvesOfFramesThatMovedApartFindTheirOwnPoses) {
   EXPECT_LT(field().distance_mm(halves->last, kOther), kFoundMm);
 }
 
+/// A probe that goes there and back: its first and its last half in time would show the same
+/// tissue.
+TEST(Parts, HalvesOfASweepThatComesBackShareNoTissue) {
+  const BeamUltrasound once = seen([](int frame, int) { return frame < 14 ? kOne : kOther; });
+  BeamUltrasound us = once;
+  const int frames = us.beams.frames;
+  for (int f = 0; f < frames; ++f) {
+    const int from = 2 * f < frames ? 2 * f : 2 * (frames - f) - 1;
+    std::copy_n(once.beams.beams.begin() + from * us.beams.lines, us.beams.lines,
+                us.beams.beams.begin() + f * us.beams.lines);
+    const auto size = static_cast<std::ptrdiff_t>(us.beams.lines) * us.beams.samples();
+    std::copy_n(once.brightness.begin() + from * size, size, us.brightness.begin() + f * size);
+  }
+  const std::optional<HalfPoses> halves = halves_of(us);
+  ASSERT_TRUE(halves);
+  EXPECT_LT(field().distance_mm(halves->first, kOne), kFoundMm);
+  EXPECT_LT(field().distance_mm(halves->last, kOther), kFoundMm);
+}
+
 /// Eight lines are unknown, so that the other 24 are halved.
 TEST(Parts, HalvesHaveAsManyKnownSamples) {
   BeamUltrasound us = seen([](int, int line) { return line < 20 ? kOne : kOther; });

@@ -58,6 +58,30 @@ TEST(Refusals, UnknownUltrasound) {
   expect_refused(registered(images, nearby(images)), RegistrationStatus::kFailed, "ultrasound");
 }
 
+/// A volume of 8 bits that is one line of voxels.
+TEST(Refusals, UltrasoundOnOneLine) {
+  RegistrationCase images = agar_case();
+  BeamGrid& beams = images.us.beams;
+  beams.axial.samples *= 4;  // so that enough of them count
+  beams.beams = {beams.beams[beams.beams.size() / 2]};
+  beams.lines = beams.frames = 1;
+  images.us.known.clear();
+  std::mt19937 random(1);
+  images.us.brightness.resize(static_cast<std::size_t>(beams.samples()));
+  for (float& value : images.us.brightness) value = static_cast<float>(random() % 200);
+  expect_refused(registered(images, nearby(images)), RegistrationStatus::kFailed, "on one line");
+}
+
+/// Slices that are too few for any level, though they lie in the middle of the field.
+TEST(Refusals, CtOfThreeSlices) {
+  RegistrationCase images = agar_case();
+  Region slices{{0, 0, images.ct.grid.size.z() / 2}, images.ct.grid.size};
+  slices.size.z() = 3;
+  images.ct = crop(images.ct, slices);
+  expect_refused(registered(images, nearby(images)), RegistrationStatus::kNoOverlap,
+                 "x 3 voxels lie in reach");
+}
+
 TEST(Refusals, Noise) {
   for (const std::uint32_t seed : {1U, 2U, 3U}) {
     RegistrationCase images = agar_case();

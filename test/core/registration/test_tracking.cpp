@@ -97,6 +97,17 @@ TEST_F(Tracking, ACorrectionThatNoLongerHoldsIsDropped) {
   }
 }
 
+/// Climbs that follow the trail reach as far as rivals are, but not less far than a climb can.
+TEST_F(Tracking, NearRivalsAreFollowedByWideSteps) {
+  RegistrationTracker tracker(
+      quick_options("confidence: {rival_mm: 1}\n"
+                    "search: {levels: {1: {optimizer: {step_tolerance: 0.6}}}}\n"),
+      {3});
+  const RegistrationResult first = tracker.next(images_.us, ct_, nearby(images_));
+  ASSERT_TRUE(first.T_us_ct) << first.message;
+  EXPECT_NO_THROW(tracker.next(images_.us, ct_, *first.T_us_ct));
+}
+
 TEST_F(Tracking, WhatMovedTooFarIsSearchedFor) {
   ASSERT_TRUE(next(images_.us, nearby(images_)).T_us_ct);
   const RegistrationResult result =

@@ -256,6 +256,23 @@ TEST(Conditioning, NearFieldIsFoundAndAFarWallCutBeamByBeam) {
   EXPECT_EQ(condition(us, given).far_wall_share, 0.0);
 }
 
+/// Air reverberates near the probe, and shows no wall: it says nothing about the depths elsewhere.
+TEST(Conditioning, FramesInAirDoNotMoveTheDepths) {
+  BeamUltrasound us = with_standoff_and_wall();
+  constexpr int kInAir = 7;  // of 12
+  for (int frame = 0; frame < kInAir; ++frame)
+    for (int line = 0; line < us.beams.lines; ++line)
+      for (int s = 0; s < us.beams.samples(); ++s)
+        us.brightness[at(us.beams, s, line, frame)] = s < 18 ? 230.0F : 2.0F;
+  const ConditionedUltrasound result = condition(us, {});
+  ASSERT_NE(result.reasons[at(us.beams, 30, 5, 0)] & kNoContact, 0);
+  EXPECT_NEAR(result.min_depth_mm, condition(with_standoff_and_wall(), {}).min_depth_mm, 1.0);
+  EXPECT_EQ(result.far_wall_share, 1.0);
+  int first = 0;
+  while ((result.reasons[at(us.beams, first, 12, 11)] & kFarWall) == 0) ++first;
+  EXPECT_NEAR(first, 45 + 12 / 3 - 3, 3);
+}
+
 TEST(Conditioning, AFarWallIsTheSameHoweverBrightnessIsDisplayed) {
   const auto excluded = [](double exponent) {
     BeamUltrasound us = with_standoff_and_wall();

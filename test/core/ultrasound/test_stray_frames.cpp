@@ -72,6 +72,16 @@ TEST(StrayFrames, AreNoneWhereTheProbeMovesFastOrJumps) {
       }
 }
 
+/// The frame at which it turns is far from those before and after, and these lie on each other.
+TEST(StrayFrames, AreNoneWhereAFastProbeTurnsBack) {
+  for (const double step_mm : {8.0, 12.0, 18.0}) {
+    BeamGrid beams = straight_tracked(9, 6, 121, 0.0);
+    for (int frame = 0; frame < 121; ++frame)
+      move(beams, frame, {0.0, 0.0, step_mm * std::abs(frame % 40 - 20)});
+    EXPECT_TRUE(stray_frames(beams).empty()) << step_mm;
+  }
+}
+
 TEST(StrayFrames, AWrongOrientationIsOne) {
   BeamGrid beams = straight_tracked(40, 6, 60, 0.7);
   move(beams, 30, Isometry3d(Eigen::AngleAxisd(0.5, Vector3d::UnitZ())));

@@ -1,5 +1,6 @@
 #include "registration/evidence/acquisition_check.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "registration/evidence/clusters.h"
@@ -53,7 +54,8 @@ class ErrorClimbs {
     constexpr double kStep = 4.0;
     std::vector<Candidate> found{from_};
     OptimizerOptions optimizer = how_.optimizer;
-    if (limits.depth > 0.0 || limits.sweep > 0.0) optimizer.initial_step = kStep;
+    if (limits.depth > 0.0 || limits.sweep > 0.0)
+      optimizer.initial_step = std::max(kStep, optimizer.initial_step);
     climb(similarity_, {optimizer, how_.reach_mm, limits, 1}, field_, found, run_);
     return found.front();
   }

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 #include "parallel.h"
+#include "ultrasound/moving_place.h"
 #include "us_ct_registration/similarity/catalogue.h"
 
 namespace usct::registration {
@@ -11,11 +13,35 @@ namespace {
 
 enum class Along { kLines, kFrames };
 
+/// The place of each frame in their order along the way from the first to the one that lies
+/// farthest from it. A probe that goes there and back, or in a trembling hand, is at one place
+/// several times: halves by time would share their tissue.
+std::vector<int> places_of_frames(const BeamGrid& beams) {
+  const auto [line, sample] = moving_place(beams);
+  std::vector<Eigen::Vector3d> from_first;
+  for (int f = 0; f < beams.frames; ++f)
+    from_first.push_back(beams.point(f, line, sample) - beams.point(0, line, sample));
+  const Eigen::Vector3d farthest =
+      *std::max_element(from_first.begin(), from_first.end(),
+                        [](const auto& a, const auto& b) { return a.norm() < b.norm(); });
+  std::vector<std::size_t> frames(from_first.size());
+  std::iota(frames.begin(), frames.end(), 0);
+  std::stable_sort(frames.begin(), frames.end(), [&](std::size_t a, std::size_t b) {
+    return from_first[a].dot(farthest) < from_first[b].dot(farthest);
+  });
+  std::vector<int> places(frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i) places[frames[i]] = static_cast<int>(i);
+  return places;
+}
+
 /// The sample masks of the two halves along lines or frames, with as many known samples each.
 std::array<std::shared_ptr<BeamUltrasound>, 2> halves_of(const BeamUltrasound& us, Along along) {
   const BeamGrid& beams = us.beams;
   const auto samples = static_cast<std::size_t>(beams.samples());
-  const auto position = [&](int frame, int line) { return along == Along::kLines ? line : frame; };
+  const std::vector<int> places = places_of_frames(beams);
+  const auto position = [&](int frame, int line) {
+    return along == Along::kLines ? line : places[static_cast<std::size_t>(frame)];
+  };
   std::vector<std::size_t> known(
       static_cast<std::size_t>(along == Along::kLines ? beams.lines : beams.frames));
   std::array<std::shared_ptr<BeamUltrasound>, 2> halves{std::make_shared<BeamUltrasound>(us),

@@ -12,7 +12,8 @@
 /// or deformed; odd and even frames would share noise.
 namespace usct::registration {
 
-/// The poses that the halves of the field lead to: of the lines, and of the frames.
+/// The poses that the halves of the field lead to: of the lines, and of the frames in the order of
+/// their places along the sweep.
 struct HalfPoses {
   Eigen::Isometry3d left, right;
   Eigen::Isometry3d first, last;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "registration/images/ct_averages.h"
+#include "registration/spread.h"
 #include "ultrasound/probe_path.h"
 #include "ultrasound/resting_frames.h"
 #include "us_ct_registration/error.h"
@@ -49,16 +50,25 @@ std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
   return points;
 }
 
-/// First and last samples of beams that are spread over the sweep.
+/// First and last samples of lines that are spread over each frame: a probe may go there and back
+/// any number of times, so that no choice of frames is sure to have all places.
 std::vector<Vector3d> outline(const BeamGrid& beams) {
   constexpr int kSteps = 6;
   std::vector<Vector3d> points;
-  for (int f = 0; f <= kSteps; ++f)
+  for (int f = 0; f < beams.frames; ++f)
     for (int l = 0; l <= kSteps; ++l)
       for (const int s : {0, beams.samples() - 1})
-        points.push_back(
-            beams.point(f * (beams.frames - 1) / kSteps, l * (beams.lines - 1) / kSteps, s));
+        points.push_back(beams.point(f, l * (beams.lines - 1) / kSteps, s));
   return points;
+}
+
+/// Why a part of the CT of this size does not suffice.
+std::string words_for_little_ct(const Eigen::Vector3i& size) {
+  if (size.minCoeff() <= 0) return "the CT lies nowhere near the ultrasound at the initial pose";
+  return "of the CT, only " + std::to_string(size.x()) + " x " + std::to_string(size.y()) + " x " +
+         std::to_string(size.z()) +
+         " voxels lie in reach of the ultrasound at the initial pose, must be >= " +
+         std::to_string(kLeastVoxels) + " along each axis";
 }
 
 bool needs_recorded_ct(const ClimbOptions& level) { return needs_of(level.similarity).recorded_ct; }
@@ -231,14 +241,16 @@ Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {
   if (prepared.field.us_mm().size() < kLeastPoints)
     return Refusal{RegistrationStatus::kFailed,
                    "nothing in the ultrasound counts: it is constant, or all of it is masked"};
+  if (lie_on_a_line(prepared.field.us_mm()))
+    return Refusal{RegistrationStatus::kFailed,
+                   "what counts in the ultrasound lies on one line: no rotation about it shows"};
   run.report(0.1);
 
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
     ImagePyramid pyramid{
         std::move(prepared), ct_in_reach(ct.ct(), beams, T_us_ct_initial, options.search), {}};
-    if (pyramid.in_reach.region.size.minCoeff() < kLeastVoxels)
-      return Refusal{RegistrationStatus::kNoOverlap,
-                     "the CT lies nowhere near the ultrasound at the initial pose"};
+    if (const Eigen::Vector3i& size = pyramid.in_reach.region.size; size.minCoeff() < kLeastVoxels)
+      return Refusal{RegistrationStatus::kNoOverlap, words_for_little_ct(size)};
     const std::vector<LevelOptions>& levels = options.search.levels;
     const std::vector<std::shared_ptr<const PackedCt>> cts = packed_cts(
         ct, pyramid.in_reach.region, steps_of(levels, ct.ct().grid), options, run.check());
