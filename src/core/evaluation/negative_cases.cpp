@@ -34,6 +34,7 @@ std::vector<double> mean_grey_over_depth(const PreScanVolume& ultrasound) {
 /// Samples, lines and frames as a regular grid with the spacing that they have in the middle of the
 /// depths.
 Grid grid_of_indices(const ScanGeometry& geometry) {
+  constexpr double kLeastStepMm = 0.1;  // of a probe at rest: speckle is smoothed over many steps
   const BeamGrid beams = beam_grid(geometry);
   const double middle = 0.5 * (beams.samples() - 1);
   const auto step_mm = [&](int frames, int lines) {
@@ -45,7 +46,7 @@ Grid grid_of_indices(const ScanGeometry& geometry) {
       path_mm += (next - last).norm();
       last = next;
     }
-    return std::max(1e-3, path_mm / std::max(1, std::max(frames, lines) - 1));
+    return std::max(kLeastStepMm, path_mm / std::max(1, std::max(frames, lines) - 1));
   };
   Grid grid;
   grid.size = {beams.samples(), beams.lines, beams.frames};

@@ -7,6 +7,12 @@
 #include "similarity/packed_gradient.h"
 
 namespace usct {
+namespace {
+
+/// Kernels address words of four bytes by 32-bit numbers with a sign.
+constexpr std::size_t kMostPackedVoxels = std::size_t{1} << 29;
+
+}  // namespace
 
 Volume<std::uint8_t> in_bytes(const Volume<float>& hu, const HuWindow& window) {
   window.validate("CT window");
@@ -33,6 +39,9 @@ PackedVoxels::PackedVoxels(Volume<std::uint8_t> bytes, const HuWindow& window)
   bytes_.grid.validate("CT");
   window.validate("CT window");
   require(size.minCoeff() >= 2, "CT", "size", size.minCoeff(), ">= 2 along each axis");
+  const std::size_t voxels = bytes_.grid.voxel_count();
+  require(voxels <= kMostPackedVoxels, "CT in reach", "voxels", static_cast<double>(voxels),
+          "<= 2^29: choose a level with a larger spacing");
   stride_j_ = static_cast<std::size_t>(size.x());
   stride_k_ = stride_j_ * static_cast<std::size_t>(size.y() - 1);
   pairs_.resize(stride_k_ * static_cast<std::size_t>(size.z()));

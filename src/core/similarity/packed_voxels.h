@@ -21,8 +21,8 @@ Volume<std::uint8_t> in_bytes(const Volume<float>& hu, const HuWindow& window);
 /// The voxels of a CT, packed for fast sampling.
 class PackedVoxels {
  public:
-  /// Voxels in bytes on the scale of the window. Throws InputError if the grid is invalid or
-  /// smaller than 2 voxels along an axis, or if the window is invalid.
+  /// Voxels in bytes on the scale of the window. Throws InputError if the grid is invalid, smaller
+  /// than 2 voxels along an axis or larger than 2^29 in all, or if the window is invalid.
   PackedVoxels(Volume<std::uint8_t> bytes, const HuWindow& window);
 
   const Grid& grid() const { return bytes_.grid; }

@@ -58,6 +58,9 @@ TEST(PackedCt, RefusesWhatItCannotPack) {
   EXPECT_THROW(PackedCt(ct, kWindow, -200.0), InputError);
   EXPECT_THROW(PackedCt(wavy_ct(oblique_grid({4, 1, 4}, {1.0, 1.0, 1.0})), kWindow, 0.0),
                InputError);
+  Volume<std::uint8_t> too_many;  // its voxels are not needed: the size alone is too large
+  too_many.grid = oblique_grid({1024, 1024, 513}, {0.1, 0.1, 0.1});
+  EXPECT_THROW(PackedVoxels(std::move(too_many), kWindow), InputError);
 }
 
 }  // namespace
