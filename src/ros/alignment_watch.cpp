@@ -14,7 +14,7 @@ namespace {
 
 namespace msg = us_ct_registration;
 
-/// Where the alignment has the CT; empty if there is none, or if it has no valid pose.
+/// The pose that the alignment gives the CT; empty if there is no alignment, or no valid pose.
 std::optional<AlignedCt> aligned_by(const msg::Alignment& alignment) try {
   const std::optional<Eigen::Isometry3d> T_fixed_ct = T_fixed_ct_from(alignment);
   if (!T_fixed_ct) return std::nullopt;

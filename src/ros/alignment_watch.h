@@ -12,7 +12,7 @@
 
 namespace usct::ros_interface {
 
-/// Where an alignment has the CT.
+/// The CT as an alignment places it.
 struct AlignedCt {
   std::string fixed_frame;
   std::string ct_frame;
