@@ -11,6 +11,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
+#include "ros/ct_selection_parameters.h"
 #include "ros/guarded_queue.h"
 #include "ros/message_limit.h"
 #include "ros/status.h"
@@ -46,13 +47,6 @@ std::string size_text(const Eigen::Vector3i& size) {
          std::to_string(size.z());
 }
 
-/// NaN, which a box of Eigen would drop, is kept.
-Eigen::AlignedBox3d box_of(const Eigen::Vector3d& a_mm, const Eigen::Vector3d& b_mm) {
-  const bool is_finite = a_mm.allFinite() && b_mm.allFinite();
-  return {is_finite ? Eigen::Vector3d(a_mm.cwiseMin(b_mm)) : a_mm,
-          is_finite ? Eigen::Vector3d(a_mm.cwiseMax(b_mm)) : b_mm};
-}
-
 /// What was left out of the CT, or nothing.
 std::string part_text(const LoadedCt& ct) {
   const Eigen::Vector3i& whole = ct.whole_grid.size;
@@ -86,7 +80,9 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
   surface_hu_ = parameters.number("surface_hu", 200.0, -1023.0, 32767.0);
   surface_triangles_ =
       static_cast<std::size_t>(parameters.whole("surface_triangles", 20000, 1000, 2000000));
-  read_selection(parameters, private_node);
+  selection_ = read_selection(parameters, private_node);
+  selection_.max_stored_bytes = kMostStoredBytes;
+  selection_.max_kept_bytes = kMostMessageBytes;
   const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   if (ct_frame_.empty())
@@ -253,15 +249,7 @@ void CtServer::keep_over_respawn(const std::string& path, const std::string& lab
                                  const CtSelection& selected) {
   private_node_.setParam("path", path);
   private_node_.setParam("labels", labels);
-  private_node_.setParam("decimation", selected.decimation);
-  if (!selected.box_mm) {
-    private_node_.deleteParam("roi");
-    return;
-  }
-  const Eigen::Vector3d first = selected.box_mm->min() / kMmPerM;
-  const Eigen::Vector3d second = selected.box_mm->max() / kMmPerM;
-  private_node_.setParam("roi", std::vector<double>{first.x(), first.y(), first.z(), second.x(),
-                                                    second.y(), second.z()});
+  set_selection(selected, private_node_);
 }
 
 bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& response) {
@@ -275,23 +263,6 @@ bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& res
 CtSelection CtServer::selection() {
   const std::lock_guard<std::mutex> lock(mutex_);
   return selection_;
-}
-
-void CtServer::read_selection(Parameters& parameters, const ::ros::NodeHandle& private_node) {
-  selection_.max_stored_bytes = kMostStoredBytes;
-  selection_.max_kept_bytes = kMostMessageBytes;
-  const std::vector<double> roi_m = parameters.numbers("roi", 6);
-  if (!roi_m.empty()) {
-    const Eigen::Map<const Eigen::Vector3d> first(roi_m.data());
-    const Eigen::Map<const Eigen::Vector3d> second(roi_m.data() + 3);
-    selection_.box_mm = box_of(kMmPerM * first, kMmPerM * second);
-  }
-  selection_.decimation = parameters.whole("decimation", 1, 1, CtSelection::kMostDecimation);
-  try {
-    selection_.validate();
-  } catch (const InputError& error) {
-    throw InputError(private_node.resolveName("roi"), error.violation());
-  }
 }
 
 bool CtServer::on_roi(msg::SetCtRoi::Request& request, msg::SetCtRoi::Response& response) {

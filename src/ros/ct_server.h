@@ -47,7 +47,6 @@ class CtServer {
               const CtSelection& selection) const;
   LabelVolume read_labels(const std::string& labels, const Grid& ct_grid) const;
   CtSelection selection();
-  void read_selection(Parameters& parameters, const ::ros::NodeHandle& private_node);
   std::filesystem::path resolve(const std::string& given, const std::string& field) const;
   /// The revision is the time in seconds since 1970, so that it rises across restarts without being
   /// stored.

@@ -138,22 +138,13 @@ StudyExtras extras_of(const StudyCommand& command, const StudyPlan& plan, const 
   return extras;
 }
 
-/// Pictures come after hours of registrations.
-void require_picture_folder(const StudyCommand& command) {
-  if (command.pictures.empty()) return;
-  std::error_code error;
-  fs::create_directories(command.pictures, error);
-  if (!fs::is_directory(command.pictures))
-    throw InputError("--pictures", "'" + command.pictures + "' cannot be made: " + error.message());
-}
-
 /// Carries out the study of a file, in its folder of results.
 int run_file(const StudyCommand& command) {
   refuse(command.of_cases, "belongs into the study file, must not be given beside it");
   const fs::path file = command.inputs.front();
   const fs::path root = command.root.empty() ? file.parent_path() : fs::path(command.root);
   const StudyPlan plan = plan_study(read_study(file, root));
-  require_picture_folder(command);
+  require_picture_folder(command.pictures);
   StudyWork work = work_of(command);
   work.folder = command.output.empty() ? root / file.stem() : fs::path(command.output);
   const CaseSource cases = case_reader(plan.study);
@@ -202,7 +193,7 @@ int run_cases(const StudyCommand& command) {
   if (command.profiles && command.output.empty())
     throw InputError("--profiles", "is given without --output, the file that they go into");
   require_places(command);
-  require_picture_folder(command);
+  require_picture_folder(command.pictures);
   const StudyPlan plan = plan_study(study);
   const CaseSource cases = case_reader(study);
   const std::vector<StudyRun> runs =

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 
+#include "us_ct_registration/error.h"
 #include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/rendering/registration_pictures.h"
 
@@ -36,6 +37,14 @@ void write_pictures_of(const CaseSource& cases, const StudyRun& run,
 }
 
 }  // namespace
+
+void require_picture_folder(const std::filesystem::path& folder) {
+  if (folder.empty()) return;
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!std::filesystem::is_directory(folder))
+    throw InputError("--pictures", "'" + folder.string() + "' cannot be made: " + error.message());
+}
 
 std::vector<StudyPicture> write_study_pictures(const Study& study, const CaseSource& cases,
                                                const std::vector<StudyRun>& runs,

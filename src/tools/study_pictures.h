@@ -7,6 +7,10 @@
 
 namespace usct::tools {
 
+/// Makes the folder, unless `folder` is empty, before the hours of registrations that the pictures
+/// are of. Throws InputError if it cannot be made.
+void require_picture_folder(const std::filesystem::path& folder);
+
 /// Draws the worst run of each method and group into `folder/METHOD/worst_GROUP/`, or
 /// `folder/worst_GROUP/` if the study has a single method, and tells where. The worst run is the
 /// accepted one with the largest error, or one that must have been refused. The folder is made if

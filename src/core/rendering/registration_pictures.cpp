@@ -163,7 +163,8 @@ std::vector<std::filesystem::path> write_registration_pictures(
     write_png(picture, paths.back());
   };
   // A picture of an earlier registration would stand beside this one's, as if it belonged to it.
-  for (const char* name : {kFusion, kSlices}) std::filesystem::remove(folder / name);
+  for (const char* name : {kFusion, kSlices})
+    if (std::filesystem::is_regular_file(folder / name)) std::filesystem::remove(folder / name);
   write("before_after.png", before_after_sheet(panels, T_us_ct_before, result));
   if (!T_us_ct_after) return paths;
   write(kFusion, fusion_sheet(panels, *T_us_ct_after, result));
