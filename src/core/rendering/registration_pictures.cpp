@@ -162,11 +162,13 @@ std::vector<std::filesystem::path> write_registration_pictures(
     paths.push_back(folder / name);
     write_png(picture, paths.back());
   };
-  // A picture of an earlier registration would stand beside this one's, as if it belonged to it.
-  for (const char* name : {kFusion, kSlices})
-    if (std::filesystem::is_regular_file(folder / name)) std::filesystem::remove(folder / name);
   write("before_after.png", before_after_sheet(panels, T_us_ct_before, result));
-  if (!T_us_ct_after) return paths;
+  if (!T_us_ct_after) {
+    // Pictures of an earlier registration would stand beside it, as if they belonged to this one.
+    for (const char* name : {kFusion, kSlices})
+      if (std::filesystem::is_regular_file(folder / name)) std::filesystem::remove(folder / name);
+    return paths;
+  }
   write(kFusion, fusion_sheet(panels, *T_us_ct_after, result));
   write(kSlices, parallel_sheet(panels, *T_us_ct_after, result));
   return paths;

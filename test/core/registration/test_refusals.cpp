@@ -185,6 +185,13 @@ TEST(Refusals, InitialPoseThatIsNotFinite) {
   }
 }
 
+/// The climbs that look for errors of the acquisition begin with steps of 4, which are less.
+TEST(Refusals, NoneForPartsThatClimbByWideSteps) {
+  const RegistrationOptions options =
+      quick_options("confidence: {parts: {optimizer: {initial_step: 10, step_tolerance: 4.5}}}\n");
+  EXPECT_NO_THROW(registered(agar_case(), nearby(agar_case()), options));
+}
+
 TEST(Refusals, NoEvaluationAllowed) {
   const std::string none = "{optimizer: {max_evaluations: 0}}";
   const std::map<std::string, std::string> examples = {

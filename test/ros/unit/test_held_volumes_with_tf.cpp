@@ -30,6 +30,15 @@ class HeldVolumesWithTf : public HeldVolumesTest {
     volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(seconds)), kNow);
     EXPECT_EQ(ultrasound_refusal().code(), Status::TF_UNAVAILABLE);
   }
+  /// Ultrasound of 100 s. As far as tf knows by then, the probe stands still.
+  std::shared_ptr<const HeldUltrasound> arrived_while_tf_is_still(double tf_timeout_s) {
+    options_.tf_timeout_s = tf_timeout_s;
+    volumes_.emplace(with_tf_, options_, [] {});
+    know(99.0, 0.0);
+    know(100.02, 0.0);
+    volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
+    return volumes().ultrasound(::ros::Time(), [] { return false; });
+  }
   FixedFrame with_tf_{tf_, [] {
                         FixedFrameOptions options;
                         options.frame = "patient";
@@ -111,12 +120,7 @@ TEST_F(HeldVolumesWithTf, VolumesFromBeforeTheClockWasSetBackAreNotLookedUpAgain
 
 /// The volume is available as soon as tf reaches its stamp; its result waits.
 TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
-  options_.tf_timeout_s = 60.0;
-  volumes_.emplace(with_tf_, options_, [] {});
-  know(99.0, 0.0);
-  know(100.02, 0.0);
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
-  const auto found = volumes().ultrasound(::ros::Time(), [] { return false; });
+  const auto found = arrived_while_tf_is_still(60.0);
   int asked = 0;
   EXPECT_EQ(refusal([&] { volumes().require_still(*found, [&] { return ++asked > 2; }); }).code(),
             Status::CANCELLED);
@@ -133,13 +137,8 @@ TEST_F(HeldVolumesWithTf, JumpAfterTheStampIsRefusedOnceTfTellsIt) {
 }
 
 TEST_F(HeldVolumesWithTf, TellsWhetherAMotionAfterTheStampWouldHaveBeenSeen) {
-  options_.tf_timeout_s = 0.2;
-  volumes_.emplace(with_tf_, options_, [] {});
-  know(99.0, 0.0);
-  know(100.02, 0.0);
-  volumes().arrived(msg::PreScanVolume::ConstPtr(ultrasound_message(100)), kNow);
   const auto not_cancelled = [] { return false; };
-  const auto found = volumes().ultrasound(::ros::Time(), not_cancelled);
+  const auto found = arrived_while_tf_is_still(0.2);
   EXPECT_FALSE(volumes().require_still(*found, not_cancelled));
   // tf may tell a motion of that time only now.
   know(101.0, 0.0);

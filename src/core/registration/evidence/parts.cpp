@@ -38,7 +38,8 @@ std::vector<int> places_of_frames(const BeamGrid& beams) {
 std::array<std::shared_ptr<BeamUltrasound>, 2> halves_of(const BeamUltrasound& us, Along along) {
   const BeamGrid& beams = us.beams;
   const auto samples = static_cast<std::size_t>(beams.samples());
-  const std::vector<int> places = places_of_frames(beams);
+  const std::vector<int> places =
+      along == Along::kFrames ? places_of_frames(beams) : std::vector<int>();
   const auto position = [&](int frame, int line) {
     return along == Along::kLines ? line : places[static_cast<std::size_t>(frame)];
   };
