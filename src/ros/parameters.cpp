@@ -133,6 +133,13 @@ std::map<std::string, std::map<std::string, XmlRpcValue>> Parameters::groups(
   return found;
 }
 
+std::string Parameters::image_transport() {
+  constexpr const char* kRaw = "raw";  // has no plugin with parameters
+  const std::string transport = text("image_transport", kRaw);
+  if (transport != kRaw) known_groups_.insert(transport);
+  return transport;
+}
+
 std::string Parameters::frame(const std::string& key, const std::string& fallback) {
   const std::string found = text(key, fallback);
   if (!found.empty() && found.front() == '/')

@@ -33,6 +33,10 @@ class Parameters {
   /// key is not set. Its keys are not checked here.
   std::map<std::string, std::map<std::string, XmlRpc::XmlRpcValue>> groups(const std::string& key);
 
+  /// `image_transport`, the transport of images. Below the node its plugin keeps parameters of its
+  /// own, under its name, which remain when the node ends.
+  std::string image_transport();
+
   /// Name of a tf frame, or an empty text. tf2 knows no names with a leading slash.
   std::string frame(const std::string& key, const std::string& fallback);
 

@@ -44,7 +44,8 @@ struct AssembledSweep {
 /// A sweep that has ended.
 struct EndedSweep {
   std::uint32_t number = 0;
-  /// The acquisition time of the newest frame that was taken: its stamp minus the image lag.
+  /// The acquisition time of the newest frame that was taken: its stamp minus the image lag. 0 if
+  /// time ran back.
   std::int64_t newest_ns = 0;
   /// Empty if the sweep was refused.
   std::optional<AssembledSweep> assembled;
@@ -62,6 +63,9 @@ struct EndedSweep {
 /// rests); tracked frames whose pose at the stamp minus the lag is not known. Indices that never
 /// came and frames without a pose count as missing.
 ///
+/// A frame that continues a sweep, by its number and stamp, which a pause has ended makes the
+/// assembler refuse that sweep after all, once.
+///
 /// A sweep is refused, with the reason, if more than `max_missing` of it are missing, if it exceeds
 /// the limits, if geometry, sizes, frame names or the motor's travel change within it, if stamps
 /// fall or if the motor turns back.
@@ -72,7 +76,8 @@ class SweepAssembler {
   explicit SweepAssembler(const AssemblyOptions& options);
 
   /// Takes a frame that arrived at `now_ns` and returns the sweeps that ended with it. When time
-  /// runs backwards (a recording that starts again), the assembler forgets everything first.
+  /// runs backwards (a recording that starts again), the open sweep is refused, and the assembler
+  /// forgets those that have ended.
   std::vector<EndedSweep> add(const std::shared_ptr<const StreamedFrame>& frame,
                               std::int64_t now_ns);
   /// Counts a frame that could not even be read, because of `problem`, as an invalid one.
@@ -108,12 +113,17 @@ class SweepAssembler {
     std::uint32_t number;
     bool had_first_index;
     std::int64_t newest_stamp_ns;
+    bool by_pause;
   };
 
   std::vector<EndedSweep> arrived(std::int64_t now_ns);
   void count_invalid(const std::string& problem);
   void take(const Frame& frame, std::vector<EndedSweep>& ended);
-  bool is_late(const StreamedFrame& frame);
+  /// The sweep of a frame that is late: one that has ended, and that the sender goes on with. Null
+  /// if there is none, or if the sender uses its number again.
+  Ended* ended_sweep_of(const StreamedFrame& frame);
+  /// Refuses a sweep that a pause has ended before this frame of it came.
+  void tell_torn(Ended& of, const StreamedFrame& frame, std::vector<EndedSweep>& ended) const;
   bool is_of_this_sweep(const StreamedFrame& frame) const;
   bool starts_anew(const StreamedFrame& frame) const;
   std::string refusal_of(const StreamedFrame& frame) const;

@@ -12,6 +12,8 @@ namespace {
 constexpr const char* kMissing = "missing";
 constexpr const char* kWithoutPose = "without pose";
 constexpr const char* kOfRefusedSweep = "of a refused sweep";
+/// A clock that is set back by no more goes on.
+constexpr double kLeastRunBack_s = 0.1;
 /// Number of ended sweeps that are remembered, to recognise their late frames.
 constexpr std::size_t kRememberedSweeps = 16;
 
@@ -58,6 +60,7 @@ std::vector<EndedSweep> SweepAssembler::end_after_pause(std::int64_t now_ns) {
   if (!sweep_ || seconds_from(now_ns - last_arrival_ns_) <= options_.sweep_pause_s) return {};
   std::vector<EndedSweep> ended;
   ended.push_back(end());
+  ended_.back().by_pause = true;
   return ended;
 }
 
@@ -77,11 +80,14 @@ std::optional<SweepAssembler::OpenSweep> SweepAssembler::recording() const {
 
 std::vector<EndedSweep> SweepAssembler::arrived(std::int64_t now_ns) {
   ++received_;
-  if (now_ns < last_arrival_ns_) {
-    sweep_.reset();
+  std::vector<EndedSweep> ended;
+  if (seconds_from(last_arrival_ns_ - now_ns) > kLeastRunBack_s) {
+    if (sweep_) ended.push_back(end("time ran back while it was recorded"));
+    for (EndedSweep& sweep : ended) sweep.newest_ns = 0;  // a time that is to come
     ended_.clear();
+  } else {
+    ended = end_after_pause(now_ns);
   }
-  std::vector<EndedSweep> ended = end_after_pause(now_ns);
   last_arrival_ns_ = now_ns;
   return ended;
 }
@@ -121,8 +127,10 @@ bool SweepAssembler::starts_anew(const StreamedFrame& frame) const {
 }
 
 void SweepAssembler::take(const Frame& frame, std::vector<EndedSweep>& ended) {
-  if (!is_of_this_sweep(*frame) && is_late(*frame)) {
+  if (Ended* of = is_of_this_sweep(*frame) ? nullptr : ended_sweep_of(*frame)) {
     drop("late");
+    tell_torn(*of, *frame, ended);
+    of->newest_stamp_ns = std::max(of->newest_stamp_ns, frame->stamp_ns);
     return;
   }
   const bool anew = starts_anew(*frame);
@@ -147,16 +155,33 @@ void SweepAssembler::take(const Frame& frame, std::vector<EndedSweep>& ended) {
   if (is_complete()) ended.push_back(end());
 }
 
-bool SweepAssembler::is_late(const StreamedFrame& frame) {
+SweepAssembler::Ended* SweepAssembler::ended_sweep_of(const StreamedFrame& frame) {
   const auto ended = std::find_if(ended_.begin(), ended_.end(),
                                   [&](const Ended& e) { return e.number == frame.sweep; });
-  if (ended == ended_.end()) return false;
-  // A sender that was restarted may use the number again, from the first index on.
-  const bool anew =
-      frame.index == 0 && (ended->had_first_index || frame.stamp_ns > ended->newest_stamp_ns);
-  if (!anew) return true;
+  if (ended == ended_.end()) return nullptr;
+  // A sender that was restarted may use the number again, from the first index on, which may be
+  // lost if the sender has paused.
+  const bool is_newer = frame.stamp_ns > ended->newest_stamp_ns;
+  const bool has_paused =
+      seconds_from(frame.stamp_ns - ended->newest_stamp_ns) > options_.sweep_pause_s;
+  const bool anew = has_paused || (frame.index == 0 && (ended->had_first_index || is_newer));
+  if (!anew) return &*ended;
   ended_.erase(ended);
-  return false;
+  return nullptr;
+}
+
+void SweepAssembler::tell_torn(Ended& of, const StreamedFrame& frame,
+                               std::vector<EndedSweep>& ended) const {
+  if (!of.by_pause || frame.stamp_ns <= of.newest_stamp_ns) return;
+  of.by_pause = false;  // once is enough
+  EndedSweep torn;
+  torn.number = of.number;
+  torn.newest_ns = acquired_ns(frame.stamp_ns);
+  torn.message = name_of_sweep(frame) + ": frame " + std::to_string(frame.index) +
+                 " came after a pause of more than " + std::to_string(options_.sweep_pause_s) +
+                 " s (sweep_pause) had ended it, so that its volume lacks this frame and those "
+                 "after it: acquire the sweep again";
+  ended.push_back(std::move(torn));
 }
 
 std::string SweepAssembler::refusal_of(const StreamedFrame& frame) const {
@@ -174,8 +199,9 @@ std::string SweepAssembler::refusal_of(const StreamedFrame& frame) const {
     return "'frame_id' or 'pose_frame_id' changes" + at;
   const auto most = static_cast<std::uint32_t>(options_.max_frames);
   if (frame.frames_in_sweep > most || frame.index >= most)
-    return "it has " + std::to_string(std::max(frame.frames_in_sweep, frame.index)) +
-           " frames or more, max_frames is " + std::to_string(most);
+    return "it has " +
+           std::to_string(std::max<std::uint64_t>(frame.frames_in_sweep, frame.index + 1ULL)) +
+           " frames at least, max_frames is " + std::to_string(most);
   if (sweep_->bytes + frame.brightness->size() > options_.max_bytes)
     return "it is larger than " + std::to_string(options_.max_bytes) + " bytes (max_volume_mb)";
   return {};
@@ -205,7 +231,7 @@ EndedSweep SweepAssembler::end(const std::string& refusal) {
   EndedSweep result;
   result.number = sweep.first->sweep;
   result.newest_ns = acquired_ns(sweep.newest_stamp_ns);
-  ended_.push_back({result.number, sweep.frames.count(0) > 0, sweep.newest_stamp_ns});
+  ended_.push_back({result.number, sweep.frames.count(0) > 0, sweep.newest_stamp_ns, false});
   if (ended_.size() > kRememberedSweeps) ended_.pop_front();
   if (refusal.empty()) {
     assemble(sweep, result);

@@ -33,7 +33,7 @@ ArrayPoses::ArrayPoses(const ::ros::NodeHandle& node, const FrameStreamOptions& 
     : us_frame_(options.pose_frame),
       image_lag_(options.assembly.image_lag_s),
       tf_wait_s_(options.tf_wait_s),
-      buffer_(::ros::Duration(tf2::BufferCore::DEFAULT_CACHE_TIME), options.max_tf_gap_s),
+      buffer_(::ros::Duration(kTfHistory_s), options.max_tf_gap_s),
       input_(buffer_, node) {}
 
 void ArrayPoses::look_up(ReceivedFrame& frame, const ::ros::Time& deadline) const try {

@@ -80,7 +80,7 @@ ImageStreamOptions read_image_stream(Parameters& parameters, const FileOptions& 
   images.image_frame = parameters.frame("image_frame", "");
   images.by_service =
       parameters.choice("sweep_control", "service", {"service", "pause"}) == "service";
-  images.transport = parameters.text("image_transport", "raw");
+  images.transport = parameters.image_transport();
   images.longest_sweep_s = parameters.number("longest_sweep", 60.0, 1.0, 600.0);
   sweep.repeat_tolerance = parameters.number("repeat_tolerance", 0.5, 0.0, 50.0);
   sweep.correct_lag = parameters.flag("correct_lag", true);

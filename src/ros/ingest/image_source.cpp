@@ -9,6 +9,7 @@
 #include "ros/conversions/images.h"
 #include "ros/conversions/times.h"
 #include "ros/guarded_queue.h"
+#include "ros/ingest/sweep_words.h"
 #include "ros/resolved_topic.h"
 #include "ros/status.h"
 #include "us_ct_registration/error.h"
@@ -22,29 +23,6 @@ using diagnostic_msgs::DiagnosticStatus;
 
 /// A second of a fast scanner, in which the node may have to wait for a processor.
 constexpr std::uint32_t kImageQueue = 100;
-
-std::string counted(const Counts& counts) {
-  std::string text;
-  for (const auto& [reason, count] : counts)
-    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + reason;
-  return text;
-}
-
-std::string described(const LagEstimate& lag) {
-  if (!lag.determined) return "not determinable: " + lag.message;
-  return seconds_text(lag.lag_s) + " s, standard error " + seconds_text(lag.standard_error_s) +
-         " s";
-}
-
-/// The sweep in words, for the log and for the caller of the service.
-std::string described(const PlacedSweep& placed, const std::string& name) {
-  std::string text = name + ": " + std::to_string(placed.assembled.frames.size()) + " images";
-  if (!placed.dropped.empty()) text += "; left out " + counted(placed.dropped);
-  text += "; lag " + seconds_text(placed.corrected_lag_s) + " s, " + placed.lag_source;
-  if (!placed.lag.determined) text += " (by its own images " + described(placed.lag) + ")";
-  if (!placed.warning.empty()) text += "; " + placed.warning;
-  return text;
-}
 
 }  // namespace
 
@@ -62,7 +40,8 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
       image_spinner_(1, &image_queue_) {
   subscriber_ = transport_.subscribe(
       topic_, kImageQueue, &ImageSource::on_image, this,
-      image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay()));
+      image_transport::TransportHints(options.transport, ::ros::TransportHints().tcpNoDelay(),
+                                      ::ros::NodeHandle(options.plugin_namespace)));
   ::ros::NodeHandle services(node);
   if (options_.by_service) {
     const auto serve = [&](const std::string& name, Answer (ImageSource::*answer)()) {
@@ -82,7 +61,7 @@ ImageSource::ImageSource(const ::ros::NodeHandle& node, const ImageStreamOptions
 }
 
 void ImageSource::notice_arrival(const ::ros::Time& now) {
-  if (now < last_arrival_.time() && recording_) {
+  if (ran_back(now, last_arrival_.time()) && recording_) {
     refuse(recording_->images.name() + ": time ran back while it was recorded", {}, recording_->id);
     recording_.reset();
   }
@@ -113,26 +92,29 @@ double ImageSource::silent_s() const {
 
 void ImageSource::begin() { recording_ = Recording{{options_.sweep, next_number_++}, {}, {}}; }
 
-std::optional<ImageSource::Recording> ImageSource::ended_by_pause() {
-  if (options_.by_service || !recording_ || silent_s() <= options_.sweep.longest_pause_s)
-    return std::nullopt;
-  return std::exchange(recording_, std::nullopt);
+void ImageSource::pause() {
+  if (options_.by_service) return;
+  is_refused_until_pause_ = false;
+  if (recording_) paused_.push_back(*std::exchange(recording_, std::nullopt));
 }
 
 void ImageSource::check_pause() {
-  // Taken before the sweep, so that no later sweep can be finished first.
+  // Taken before the sweeps, so that no later sweep can be finished first.
   const std::lock_guard<std::mutex> finishing(finishing_);
-  std::optional<Recording> ended;
+  std::deque<Recording> ended;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    ended = ended_by_pause();
+    if (silent_s() > options_.sweep.longest_pause_s) pause();
+    ended.swap(paused_);
   }
-  if (ended) finish(*ended);
+  for (const Recording& recording : ended) finish(recording);
 }
 
 void ImageSource::on_image(const sensor_msgs::ImageConstPtr& image) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ++received_;
+  // The timer may have had no time to notice a pause.
+  if (silent_s() > options_.sweep.longest_pause_s) pause();
   notice_arrival(::ros::Time::now());
   try {
     take(*image);
@@ -164,7 +146,15 @@ void ImageSource::require_usable(const sensor_msgs::Image& image) const {
 
 void ImageSource::take(const sensor_msgs::Image& image) {
   require_usable(image);
-  if (recording_ || !options_.by_service) record(image);
+  // A recording that is replayed fast has pauses of the stamps alone.
+  const double step_s = seconds_between(last_stamp_, image.header.stamp);
+  if (step_s > options_.sweep.longest_pause_s) pause();
+  if (is_refused_until_pause_)
+    ++dropped_["of a refused sweep"];
+  else if (recording_ || !options_.by_service)
+    record(image);
+  // A recording that begins again: its images are those of another sweep than the refused one.
+  if (step_s < -options_.sweep.longest_pause_s) is_refused_until_pause_ = false;
   last_stamp_ = image.header.stamp;
   last_frame_ = options_.image_frame.empty() ? image.header.frame_id : options_.image_frame;
 }
@@ -194,6 +184,7 @@ void ImageSource::record(const sensor_msgs::Image& image) {
   } catch (const InputError& error) {
     const VolumePublisher::Id id = recording_->id;
     recording_.reset();
+    is_refused_until_pause_ = !options_.by_service;  // what is left of it is no sweep
     refuse(error.what(), acquired, id);
   }
 }

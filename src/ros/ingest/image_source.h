@@ -8,6 +8,7 @@
 #include <us_ct_registration/StatusCode.h>
 #include <us_ct_registration/Sweep.h>
 
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -53,8 +54,9 @@ class ImageSource : public IngestSource {
   void record(const sensor_msgs::Image& image);
   void notice_arrival(const ::ros::Time& now);
   void begin();
-  /// Ends the sweep that is recorded if the images have paused; without it, without a result.
-  std::optional<Recording> ended_by_pause();
+  /// The images have paused: where a pause delimits sweeps, the open one waits to be finished, and
+  /// the images that follow are no longer those of a refused one.
+  void pause();
   /// Waits until the images that were taken before this call have come in: 0.05 s and, on a busy
   /// machine, as long as it takes to resample those that wait.
   void await_images();
@@ -80,6 +82,8 @@ class ImageSource : public IngestSource {
 
   std::mutex mutex_;  // guards the members below, up to reported_at_
   std::optional<Recording> recording_;
+  std::deque<Recording> paused_;         // sweeps that a pause has ended, to be finished
+  bool is_refused_until_pause_ = false;  // the images that come are those of a refused sweep
   std::uint32_t next_number_ = 0;
   std::string topic_;
   LastArrival last_arrival_;

@@ -51,6 +51,7 @@ IngestParameters read_ingest_parameters(const ::ros::NodeHandle& private_node) {
   read_folder(parameters, all.folder);
   read_frames(parameters, all.frames);
   all.images = read_image_stream(parameters, all.file, all.frames, all.source == "images");
+  all.images.plugin_namespace = private_node.getNamespace();
   all.diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   const bool from_disk = all.source == "file" || all.source == "folder";

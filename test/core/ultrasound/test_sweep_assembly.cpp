@@ -193,12 +193,58 @@ TEST(SweepAssembler, FramesThatCouldNotBeReadAreInvalid) {
   EXPECT_EQ(stream.assembler.last_problem(), "'data' has 11 values");
 }
 
-TEST(SweepAssembler, TimeThatRunsBackwardsForgetsTheSweep) {
+TEST(SweepAssembler, ANumberThatIsUsedAgainIsNotLateIfItsFirstFrameIsLost) {
+  AssemblyOptions options;
+  options.max_missing = 0.2;
+  Stream stream(options);
+  stream.send(frames_of(motorised(6), 100.0));
+  Frames next = frames_of(motorised(6), 110.0);
+  next.erase(next.begin());
+  stream.send(next);
+  stream.pass(1.1);
+  EXPECT_EQ(stream.dropped("late"), 0u);
+  ASSERT_EQ(stream.ended.size(), 2u);
+  ASSERT_TRUE(stream.ended[1].assembled) << stream.ended[1].message;
+  EXPECT_EQ(frame_count(stream.ended[1]), 5);
+}
+
+TEST(SweepAssembler, ASweepThatGoesOnAfterAPauseOfItsFramesIsRefused) {
+  Stream stream;
+  Frames frames = frames_of(motorised(40), 100.0);
+  for (StreamedFrame& frame : frames) frame.frames_in_sweep = 0;
+  stream.send({frames.begin(), frames.begin() + 20});
+  stream.pass(1.1);  // the network is held up
+  ASSERT_EQ(stream.ended.size(), 1u);
+  EXPECT_TRUE(stream.ended[0].assembled);
+  // They take longer than a pause, and are no sweep of their own.
+  stream.send({frames.begin() + 20, frames.end()});
+  stream.pass(1.1);
+  EXPECT_EQ(stream.dropped("late"), 20u);
+  ASSERT_EQ(stream.ended.size(), 2u);
+  EXPECT_FALSE(stream.ended[1].assembled);
+  EXPECT_EQ(stream.ended[1].newest_ns, frames[20].stamp_ns);
+  EXPECT_THAT(stream.ended[1].message, HasSubstr("sweep 0: frame 20 came after a pause"));
+}
+
+TEST(SweepAssembler, TimeThatRunsBackwardsRefusesTheOpenSweep) {
   Stream stream;
   const Frames frames = frames_of(motorised(6), 100.0);
   stream.send({frames.begin(), frames.begin() + 3});
   stream.pass(-100.0);
   stream.send(frames);
+  ASSERT_EQ(stream.ended.size(), 2u);
+  EXPECT_FALSE(stream.ended[0].assembled);
+  EXPECT_THAT(stream.ended[0].message, HasSubstr("sweep 0: time ran back"));
+  EXPECT_EQ(stream.ended[0].newest_ns, 0);
+  expect_equal(stream.ended[1], motorised(6));
+}
+
+TEST(SweepAssembler, AClockThatIsCorrectedByLittleLosesNoSweep) {
+  Stream stream;
+  const Frames frames = frames_of(motorised(6), 100.0);
+  stream.send({frames.begin(), frames.begin() + 3});
+  stream.pass(-0.15);  // the next frame comes 0.05 s before the one before
+  stream.send({frames.begin() + 3, frames.end()});
   ASSERT_EQ(stream.ended.size(), 1u);
   expect_equal(stream.ended[0], motorised(6));
 }

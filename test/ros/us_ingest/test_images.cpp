@@ -327,6 +327,42 @@ TEST_F(LiveImagesByPause, AreOneSweepEachBetweenTwoPauses) {
   EXPECT_EQ(volumes_.all().size(), 2U);
 }
 
+TEST_F(LiveImagesByPause, APauseOfTheStampsAloneEndsASweep) {
+  frame_ = "probe_of_a_fast_replay";
+  const std::size_t before = volumes_.all().size();
+  const ::ros::Time start = start_of(5.0);
+  move_probe(start, 5.0, pose);
+  for (const double begin_s : {0.0, 3.5})
+    for (int i = 0; i < 30; ++i) {
+      const double t = begin_s + kInterval_s * i;
+      send(image(start + ::ros::Duration(t), seen_at(pose(t))));
+    }
+  ASSERT_TRUE(volumes_.wait(before + 2));
+  for (const std::size_t sweep : {before, before + 1})
+    EXPECT_EQ(volumes_.all()[sweep]->frames, 30U);
+}
+
+TEST_F(LiveImagesByPause, WhatIsLeftOfARefusedSweepIsNoSweep) {
+  frame_ = "probe_with_a_clock_that_steps";
+  const std::size_t before = volumes_.all().size();
+  const ::ros::Time start = start_of(5.0);
+  move_probe(start, 5.0, pose);
+  for (int i = 0; i < 60; ++i) {
+    const double t = kInterval_s * i - (i < 20 ? 0.0 : 0.3);
+    send(image(start + ::ros::Duration(t), seen_at(pose(t))));
+  }
+  EXPECT_TRUE(wait_for_diagnostics(diagnostics_, space_, diagnostic_msgs::DiagnosticStatus::WARN,
+                                   "before that of the image before"));
+  ::ros::WallDuration(1.5).sleep();
+  EXPECT_EQ(volumes_.all().size(), before);
+  for (int i = 60; i < 90; ++i) {
+    const double t = kInterval_s * i;
+    send(image(start + ::ros::Duration(t), seen_at(pose(t))));
+  }
+  ASSERT_TRUE(volumes_.wait(before + 1));
+  EXPECT_EQ(volumes_.all().back()->frames, 30U);
+}
+
 /// tf2 itself would give poses on a straight line there.
 TEST_F(LiveImagesByPause, HaveNoPosesWhileTfWasSilent) {
   frame_ = "probe_that_was_lost";
