@@ -27,6 +27,12 @@ void TfBuffer::clear() {
   gaps_.clear();
 }
 
+std::string TfBuffer::parent_of(const std::string& frame, const ::ros::Time& stamp) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::string parent;
+  return tf_._getParent(frame, stamp, parent) ? parent : "";
+}
+
 /// The frame, its parent, and so on. tf2 knows them where it can transform the frame.
 std::vector<std::string> TfBuffer::with_ancestors(std::string frame,
                                                   const ::ros::Time& stamp) const {

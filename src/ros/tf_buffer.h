@@ -35,6 +35,8 @@ class TfBuffer {
                      bool is_static = false);
   void clear();
 
+  /// The frame from which a frame hangs at the stamp; empty if that is not known.
+  std::string parent_of(const std::string& frame, const ::ros::Time& stamp) const;
   /// Whether the transform from `source` to `target` is known at the stamp; 0: at any. If not,
   /// `why_not` says so.
   bool can_transform(const std::string& target, const std::string& source, const ::ros::Time& stamp,

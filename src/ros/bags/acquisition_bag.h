@@ -74,6 +74,9 @@ struct BagVisitor {
   /// Receives a message about data that could not be used, such as frames of an incomplete sweep.
   /// Must be set.
   std::function<void(const std::string&)> warning;
+  /// The US frame, in which tf has the poses of frames that carry none. Empty: that from which the
+  /// frames' array hangs, which must move in it.
+  std::string pose_frame;
 };
 
 /// Reads a bag and calls the visitor. Messages are found by their type, not by their topic: the

@@ -1,6 +1,5 @@
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
-#include <tf2/buffer_core.h>
 #include <tf2/exceptions.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -10,6 +9,8 @@
 #include "ros/conversions/frames.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
+#include "ros/frame_name.h"
+#include "ros/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {
@@ -20,9 +21,16 @@ using ::ros::Duration;
 using ::ros::Time;
 
 /// Time that tf remembers, longer than any recording, s.
-constexpr double kTfHistoryS = 1e9;
+constexpr double kWholeRecording_s = 1e9;
 /// Time after which the last sweep has ended, longer than any `sweep_pause`, s.
 constexpr double kEndS = 1e6;
+
+/// What a bag says of its frames.
+struct BagTf {
+  TfBuffer buffer{Duration(kWholeRecording_s), kMaxTfGap_s};
+  /// The frames that do not move in the one from which they hang.
+  std::set<std::string> at_rest;
+};
 
 /// Finds messages by their type, since the recorder of a bag may have chosen any topics.
 class BagReader {
@@ -67,29 +75,29 @@ class BagReader {
   }
 
   void assemble(const BagVisitor& visitor) const {
-    tf2::BufferCore tf{Duration(kTfHistoryS)};
+    BagTf tf;
     read_tf(tf);
     SweepAssembler assembler{AssemblyOptions()};
     Time last;
     for_each<msg::PreScanFrame>([&](const msg::PreScanFrame::ConstPtr& message, const Time& time) {
       const std::int64_t time_ns = nanoseconds_from(time);
       pass_on(assembler.end_after_pause(time_ns), visitor);
-      pass_on(add(message, tf, time_ns, assembler), visitor);
+      pass_on(add(message, visitor.pose_frame, tf, time_ns, assembler), visitor);
       last = time;
     });
     pass_on(assembler.end_after_pause(nanoseconds_from(last + Duration(kEndS))), visitor);
   }
 
   static std::vector<EndedSweep> add(const msg::PreScanFrame::ConstPtr& message,
-                                     const tf2::BufferCore& tf, std::int64_t time_ns,
-                                     SweepAssembler& assembler) {
+                                     const std::string& pose_frame, const BagTf& tf,
+                                     std::int64_t time_ns, SweepAssembler& assembler) {
     std::shared_ptr<ReceivedFrame> frame;
     try {
       frame = from_message(message);
     } catch (const InputError& error) {
       return assembler.add_invalid(error.what(), time_ns);
     }
-    if (frame->needs_pose()) look_up_pose(tf, *frame);
+    if (frame->needs_pose()) look_up_pose(tf, pose_frame, *frame);
     return assembler.add(frame, time_ns);
   }
 
@@ -101,29 +109,38 @@ class BagReader {
     }
   }
 
-  void read_tf(tf2::BufferCore& tf) const {
+  void read_tf(BagTf& tf) const {
     rosbag::View view(bag_, rosbag::TypeQuery("tf2_msgs/TFMessage"));
     for (const rosbag::MessageInstance& instance : view) {
       const std::string& topic = instance.getTopic();
       const bool is_static = topic.size() >= 10 && topic.substr(topic.size() - 10) == "/tf_static";
       const tf2_msgs::TFMessage::ConstPtr message = instance.instantiate<tf2_msgs::TFMessage>();
-      for (const geometry_msgs::TransformStamped& transform : message->transforms)
-        tf.setTransform(transform, "bag", is_static);
+      for (const geometry_msgs::TransformStamped& transform : message->transforms) {
+        tf.buffer.set_transform(transform, "bag", is_static);
+        if (is_static) tf.at_rest.insert(frame_name(transform.child_frame_id));
+      }
     }
   }
 
-  /// The pose of a tracked frame that carries none is that of its array in the parent of the array,
-  /// which is the US frame.
-  static void look_up_pose(const tf2::BufferCore& tf, ReceivedFrame& frame) {
+  /// Sets the pose of a tracked frame that carries none, or says why there is none.
+  static void look_up_pose(const BagTf& tf, const std::string& pose_frame, ReceivedFrame& frame) {
     const Time& stamp = frame.message->header.stamp;
-    std::string us_frame;
-    if (!tf._getParent(frame.frame_id, stamp, us_frame)) {
+    const std::string us_frame =
+        pose_frame.empty() ? tf.buffer.parent_of(frame.frame_id, stamp) : pose_frame;
+    if (us_frame.empty()) {
       frame.pose_problem = "tf does not know '" + frame.frame_id + "' at the stamp";
+      return;
+    }
+    // All frames would lie at one place.
+    if (pose_frame.empty() && tf.at_rest.count(frame_name(frame.frame_id)) > 0) {
+      frame.pose_problem = "'" + frame.frame_id + "' does not move in '" + us_frame +
+                           "', from which it hangs in tf: --pose-frame names the frame in which "
+                           "the probe moves";
       return;
     }
     try {
       const geometry_msgs::Transform T =
-          tf.lookupTransform(us_frame, frame.frame_id, stamp).transform;
+          tf.buffer.look_up(us_frame, frame.frame_id, stamp).transform;
       frame.set_looked_up(to_pose_message(from_message_mm(T, "tf")), us_frame);
     } catch (const tf2::TransformException& error) {
       frame.pose_problem = error.what();

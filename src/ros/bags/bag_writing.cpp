@@ -13,6 +13,7 @@
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
+#include "ros/message_limit.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 
@@ -141,6 +142,12 @@ void record_truth(const Sweep& sweep, const Time& time, const BagOptions& option
 void record_ct(const BagCt& ct, const BagOptions& options, const Time& begin,
                Recording& recording) {
   if (ct.volume) {
+    const std::uint64_t bytes = sizeof(std::int16_t) * std::uint64_t{ct.volume->grid.voxel_count()};
+    if (bytes > kMostMessageBytes)
+      throw InputError("CT", "has " + std::to_string(bytes) + " bytes, must have at most " +
+                                 std::to_string(kMostMessageBytes) +
+                                 " to be played to nodes (roscpp takes no larger message); the bag "
+                                 "can name its place instead (--ct-path)");
     std_msgs::Header header;
     header.stamp = begin;
     header.frame_id = options.ct_frame;

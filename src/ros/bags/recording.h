@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 
 namespace usct::ros_interface {
@@ -32,10 +33,17 @@ class Recording {
     add(topic, time, message, header);
   }
 
+  /// Throws std::runtime_error if the disk does not take all of it.
   void write(const std::filesystem::path& path) const {
-    rosbag::Bag bag(path.string(), rosbag::bagmode::Write);
-    for (const auto& [time, write] : messages_) write(bag);
-    bag.close();
+    auto bag = std::make_unique<rosbag::Bag>(path.string(), rosbag::bagmode::Write);
+    try {
+      for (const auto& [time, write] : messages_) write(*bag);
+      bag->close();
+    } catch (const rosbag::BagException& error) {
+      // The destructor would write what is left once more, and end the program as that fails too.
+      static_cast<void>(bag.release());
+      throw std::runtime_error(std::string("writing a bag failed: ") + error.what());
+    }
   }
 
  private:

@@ -113,6 +113,7 @@ struct BagReadCommand {
   std::string bag;
   std::string us;
   std::string ct;
+  std::string pose_frame;
   int index = 0;
 };
 
@@ -138,6 +139,7 @@ int run_read(const BagReadCommand& command) {
   int cts = 0;
   BagVisitor visitor;
   visitor.warning = warn;
+  visitor.pose_frame = command.pose_frame;
   if (!command.us.empty())
     visitor.us = [&](const msg::PreScanVolume& volume) {
       if (volumes++ == command.index) write_sweep(volume, command);
@@ -179,6 +181,7 @@ nlohmann::ordered_json describe(const msg::CtVolume& volume) {
 
 struct BagInfoCommand {
   std::string bag;
+  std::string pose_frame;
   bool json = false;
 };
 
@@ -197,6 +200,7 @@ int run_info(const BagInfoCommand& command) {
   auto cts = nlohmann::ordered_json::array();
   BagVisitor visitor;
   visitor.warning = warn;
+  visitor.pose_frame = command.pose_frame;
   visitor.us = [&](const msg::PreScanVolume& volume) { sweeps.push_back(describe(volume)); };
   visitor.ct = [&](const msg::CtVolume& volume) { cts.push_back(describe(volume)); };
   ros_interface::visit_acquisition_bag(command.bag, visitor);
@@ -266,6 +270,13 @@ void add_write(CLI::App& bag, Run& run) {
   sub->callback([command, &run] { run = [command] { return run_write(*command); }; });
 }
 
+CLI::Option* add_pose_frame(CLI::App& sub, std::string& frame) {
+  return sub.add_option(
+      "--pose-frame", frame,
+      "US frame, in which tf has the poses of frames that carry none, as us_ingest's pose_frame "
+      "[the frame from which the array's hangs]");
+}
+
 void add_read(CLI::App& bag, Run& run) {
   CLI::App* sub = bag.add_subcommand(
       "read",
@@ -273,11 +284,13 @@ void add_read(CLI::App& bag, Run& run) {
       "Found by the type of the messages, whatever their topics are called.");
   auto command = std::make_shared<BagReadCommand>();
   sub->add_option("bag", command->bag, "bag to read")->required();
-  writes(sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd"));
+  CLI::Option* us = sub->add_option("--us", command->us, "pre-scan ultrasound to write, .nrrd");
+  writes(us);
   writes(sub->add_option("--ct", command->ct, "CT to write, .nrrd, .mha, .nii.gz"));
   sub->add_option("--index", command->index, "which sweep (or CT) of the bag, from 0")
       ->check(at_least(0))
       ->capture_default_str();
+  add_pose_frame(*sub, command->pose_frame)->needs(us);
   sub->callback([command, &run] { run = [command] { return run_read(*command); }; });
 }
 
@@ -289,6 +302,7 @@ void add_info(CLI::App& bag, Run& run) {
   auto command = std::make_shared<BagInfoCommand>();
   sub->add_option("bag", command->bag, "bag to read")->required();
   sub->add_flag("--json", command->json, "as JSON");
+  add_pose_frame(*sub, command->pose_frame);
   sub->callback([command, &run] { run = [command] { return run_info(*command); }; });
 }
 

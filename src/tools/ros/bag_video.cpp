@@ -26,21 +26,39 @@ struct BagVideoCommand {
   std::string picture;
 };
 
-using Images = std::vector<sensor_msgs::ImageConstPtr>;
-
-Images read_images(const BagVideoCommand& command) {
-  Images images;
-  try {
-    const rosbag::Bag bag(command.bag);
-    for (const rosbag::MessageInstance& message :
-         rosbag::View(bag, rosbag::TopicQuery(command.topic)))
-      if (const auto image = message.instantiate<sensor_msgs::Image>()) images.push_back(image);
-  } catch (const rosbag::BagException& error) {
-    throw InputError(command.bag, error.what());
+/// The images of a topic, read one by one: a video of minutes has gigabytes.
+class ImagesOfBag {
+ public:
+  explicit ImagesOfBag(const BagVideoCommand& command) : file_(command.bag), topic_(command.topic) {
+    for_each([&](const sensor_msgs::ImageConstPtr& image) {
+      if (count_++ == 0) first_ = image->header.stamp;
+      last_ = image->header.stamp;
+    });
+    if (count_ == 0) throw InputError(file_, "has no images on '" + topic_ + "'");
   }
-  if (images.empty()) throw InputError(command.bag, "has no images on '" + command.topic + "'");
-  return images;
-}
+
+  std::size_t count() const { return count_; }
+  double rate_hz() const {
+    const double seconds = (last_ - first_).toSec();
+    constexpr double kOfOneImage = 10.0;
+    return seconds > 0.0 ? static_cast<double>(count_ - 1) / seconds : kOfOneImage;
+  }
+  template <typename Take>
+  void for_each(const Take& take) const try {
+    const rosbag::Bag bag(file_);
+    for (const rosbag::MessageInstance& message : rosbag::View(bag, rosbag::TopicQuery(topic_)))
+      if (const auto image = message.instantiate<sensor_msgs::Image>()) take(image);
+  } catch (const rosbag::BagException& error) {
+    throw InputError(file_, error.what());
+  }
+
+ private:
+  std::string file_;
+  std::string topic_;
+  std::size_t count_ = 0;
+  ::ros::Time first_;
+  ::ros::Time last_;
+};
 
 cv::Mat pixels_of(const sensor_msgs::ImageConstPtr& image, const char* encoding) {
   try {
@@ -50,52 +68,54 @@ cv::Mat pixels_of(const sensor_msgs::ImageConstPtr& image, const char* encoding)
   }
 }
 
-double rate_hz(const Images& images) {
-  const double seconds = (images.back()->header.stamp - images.front()->header.stamp).toSec();
-  constexpr double kOfOneImage = 10.0;
-  return seconds > 0.0 ? static_cast<double>(images.size() - 1) / seconds : kOfOneImage;
-}
-
 /// Motion JPEG, by OpenCV's own writer, which needs no codec.
-void write_video(const Images& images, const fs::path& path) {
+void write_video(const ImagesOfBag& images, const fs::path& path) {
   if (path.extension() != ".avi") throw InputError(path.string(), "must end in .avi");
-  const cv::Size size(static_cast<int>(images.front()->width),
-                      static_cast<int>(images.front()->height));
   write_atomically(path, [&](const fs::path& temporary) {
-    cv::VideoWriter writer(temporary.string(), cv::CAP_OPENCV_MJPEG,
-                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), rate_hz(images), size);
-    if (!writer.isOpened()) throw InputError(path.string(), "cannot be written");
-    for (const sensor_msgs::ImageConstPtr& image : images) {
+    cv::VideoWriter writer;
+    cv::Size size;
+    images.for_each([&](const sensor_msgs::ImageConstPtr& image) {
       const cv::Mat pixels = pixels_of(image, "bgr8");
+      if (!writer.isOpened()) {
+        size = pixels.size();
+        if (!writer.open(temporary.string(), cv::CAP_OPENCV_MJPEG,
+                         cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), images.rate_hz(), size))
+          throw InputError(path.string(), "cannot be written");
+      }
       if (pixels.size() != size) throw InputError(path.string(), "the images differ in size");
       writer.write(pixels);
-    }
+    });
     writer.release();
     // The writer does not say whether the disk took all of it.
     const cv::VideoCapture written(temporary.string(), cv::CAP_OPENCV_MJPEG);
     const auto count = static_cast<std::size_t>(written.get(cv::CAP_PROP_FRAME_COUNT));
-    if (count != images.size())
+    if (count != images.count())
       throw std::runtime_error(path.string() + ": writing failed: only " + std::to_string(count) +
-                               " of " + std::to_string(images.size()) +
+                               " of " + std::to_string(images.count()) +
                                " images are in the file; the disk may be full");
   });
 }
 
-void write_picture(const sensor_msgs::ImageConstPtr& image, const fs::path& path) {
-  const cv::Mat pixels = pixels_of(image, "rgb8");
-  Picture picture(pixels.cols, pixels.rows);
-  std::copy(pixels.begin<cv::Vec3b>(), pixels.end<cv::Vec3b>(),
-            reinterpret_cast<cv::Vec3b*>(picture.pixels.data()));
-  write_png(picture, path);
+/// The middle image.
+void write_picture(const ImagesOfBag& images, const fs::path& path) {
+  std::size_t index = 0;
+  images.for_each([&](const sensor_msgs::ImageConstPtr& image) {
+    if (index++ != images.count() / 2) return;
+    const cv::Mat pixels = pixels_of(image, "rgb8");
+    Picture picture(pixels.cols, pixels.rows);
+    std::copy(pixels.begin<cv::Vec3b>(), pixels.end<cv::Vec3b>(),
+              reinterpret_cast<cv::Vec3b*>(picture.pixels.data()));
+    write_png(picture, path);
+  });
 }
 
 int run_video(const BagVideoCommand& command) {
   // Before the video is written.
   if (!command.picture.empty() && fs::path(command.picture).extension() != ".png")
     throw InputError("--picture", "is '" + command.picture + "', must end in .png");
-  const Images images = read_images(command);
+  const ImagesOfBag images(command);
   write_video(images, command.video);
-  if (!command.picture.empty()) write_picture(images[images.size() / 2], command.picture);
+  if (!command.picture.empty()) write_picture(images, command.picture);
   for (const std::string& written : {command.video, command.picture})
     if (!written.empty()) std::printf("%s\n", written.c_str());
   return kDone;

@@ -1,13 +1,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <tf2_msgs/TFMessage.h>
+#include <us_ct_registration/PreScanFrame.h>
 
+#include <array>
 #include <fstream>
 
 #include "bag_sweeps.h"
+#include "core/io/file_size_limit.h"
 #include "core/io/temporary_folder.h"
 #include "core/tools/run_usct.h"
 #include "ros/conversions/ct.h"
+#include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
@@ -25,9 +31,10 @@ struct ReadBack {
   std::vector<std::string> warnings;
 };
 
-ReadBack read_back(const std::filesystem::path& bag) {
+ReadBack read_back(const std::filesystem::path& bag, const std::string& pose_frame = "") {
   ReadBack found;
   BagVisitor visitor;
+  visitor.pose_frame = pose_frame;
   visitor.us = [&](const msg::PreScanVolume& volume) {
     found.volumes.push_back(from_message(volume, "bag"));
     found.frame_ids.push_back(volume.header.frame_id);
@@ -96,6 +103,73 @@ TEST(AcquisitionBag, VolumesOfARecordingComeBeforeItsFrames) {
     bag.write("/other/volume", header.stamp, to_message(other, header));
   }
   EXPECT_THROW(read_back(path), InputError) << "which of the two topics?";
+}
+
+/// A bag of a tracked sweep whose poses are in tf. Those within `silence`, s since the first frame,
+/// are left out; the images have the frame `image_frame`.
+void write_with_tf(const std::filesystem::path& path, const std::array<double, 2>& silence,
+                   const std::string& image_frame) {
+  const TemporaryFolder folder;
+  BagOptions options = options_at(100.0);
+  options.poses_in_tf = true;
+  write_acquisition_bag({{tracked(), {}, {}}}, {}, options, folder.path() / "whole.bag");
+  const rosbag::Bag whole((folder.path() / "whole.bag").string());
+  rosbag::Bag bag(path.string(), rosbag::bagmode::Write);
+  for (const rosbag::MessageInstance& one : rosbag::View(whole)) {
+    const double since_s = one.getTime().toSec() - 100.0;
+    if (const auto frame = one.instantiate<msg::PreScanFrame>()) {
+      msg::PreScanFrame changed = *frame;
+      changed.header.frame_id = image_frame;
+      bag.write(one.getTopic(), one.getTime(), changed);
+    } else if (since_s < silence[0] || since_s > silence[1]) {
+      bag.write(one.getTopic(), one.getTime(), one);
+    }
+  }
+  tf2_msgs::TFMessage calibration;
+  calibration.transforms = {stamped_transform(::ros::Time(99.0), pose(0.3, {0.0, 5.0, 1.0}),
+                                              options.array_frame, "us_image")};
+  bag.write("/tf_static", ::ros::Time(99.0), calibration);
+}
+
+TEST(AcquisitionBag, NoPoseIsMadeUpWhereTheTrackerWasSilent) {
+  const TemporaryFolder folder;
+  write_with_tf(folder.path() / "a.bag", {0.1, 1.4}, "us_array");
+  const ReadBack found = read_back(folder.path() / "a.bag");
+  EXPECT_TRUE(found.volumes.empty());
+  EXPECT_THAT(found.warnings, testing::ElementsAre(testing::AllOf(
+                                  testing::HasSubstr("2 of 4 frames are missing"),
+                                  testing::HasSubstr("tf had no transform from 'us_array'"))));
+}
+
+TEST(AcquisitionBag, AnArrayThatDoesNotMoveInItsParentNeedsThePoseFrame) {
+  const TemporaryFolder folder;
+  write_with_tf(folder.path() / "a.bag", {1.0, 0.0}, "us_image");
+  const ReadBack unnamed = read_back(folder.path() / "a.bag");
+  EXPECT_TRUE(unnamed.volumes.empty());
+  EXPECT_THAT(unnamed.warnings,
+              testing::ElementsAre(testing::HasSubstr("'us_image' does not move in 'us_array'")));
+  const ReadBack named = read_back(folder.path() / "a.bag", "us");
+  ASSERT_EQ(named.volumes.size(), 1u);
+  EXPECT_EQ(named.frame_ids[0], "us");
+  const auto& sweep = std::get<TrackedSweep>(named.volumes[0].geometry.motion);
+  const auto written = std::get<TrackedSweep>(tracked().geometry.motion);
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_TRUE(
+        sweep.T_us_frame[i].isApprox(written.T_us_frame[i] * pose(0.3, {0.0, 5.0, 1.0}), 1e-9));
+}
+
+TEST(AcquisitionBag, AFullDiskIsToldAndLeavesNoPartOfABag) {
+  const TemporaryFolder folder;
+  PreScanVolume large = motorised();
+  large.geometry.axial.samples = 4000;
+  large.voxels.assign(std::size_t{4000} * 2 * 4, 1);
+  for (const rlim_t bytes : {rlim_t{16}, rlim_t{6000}, rlim_t{20000}}) {
+    const test::FileSizeLimit full(bytes);
+    EXPECT_THROW(
+        write_acquisition_bag({{large, {}, {}}}, {}, options_at(100.0), folder.path() / "a.bag"),
+        std::runtime_error);
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
 TEST(AcquisitionBag, WhatIsNoBagIsRefused) {
