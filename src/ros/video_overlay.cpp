@@ -64,13 +64,17 @@ std::map<std::string, StructureStyle> read_styles(Parameters& parameters) {
 }  // namespace
 
 VideoOverlay::VideoOverlay(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)
-    : node_(node), diagnostics_(node, private_node, private_node.getNamespace()) {
+    : node_(node),
+      plugin_namespace_(private_node.getNamespace()),
+      diagnostics_(node, private_node, private_node.getNamespace()) {
   Parameters parameters(private_node);
   read_parameters(parameters);
   const double diagnostic_period_s = read_diagnostic_period(parameters);
   parameters.finish();
   keeper_ = std::make_unique<OverlaySceneKeeper>(scene_options_);
-  tf_input_ = std::make_unique<TfInput>(tf_, node_);
+  tf_ = std::make_unique<TfBuffer>(::ros::Duration(tf2::BufferCore::DEFAULT_CACHE_TIME),
+                                   max_tf_gap_s_);
+  tf_input_ = std::make_unique<TfInput>(*tf_, node_);
   subscribers_ = subscribe_to_scene(node_, *keeper_);
   status_publisher_ = node_.advertise<msg::OverlayStatus>("overlay/status", 10);
   diagnostics_.setHardwareID("none");
@@ -89,13 +93,17 @@ VideoOverlay::~VideoOverlay() {
 void VideoOverlay::read_parameters(Parameters& parameters) {
   is_stereo_ = parameters.flag("stereo", false);
   is_rectified_ = parameters.flag("rectified", false);
-  transport_ = parameters.text("image_transport", "raw");
+  has_own_frame_ = parameters.flag("own_frame", false);
+  transport_ = parameters.image_transport();
   max_stereo_skew_s_ = parameters.number("max_stereo_skew", 0.02, 0.0, 10.0);
   scene_options_.styles = read_styles(parameters);
   scene_options_.bound_factor =
       parameters.number("bound_factor", scene_options_.bound_factor, 0.1, 100.0);
   scene_options_.old_after_s = parameters.number("old_after", 1800.0, 0.0, 1e6);
   painting_.tf_timeout_s = parameters.number("tf_timeout", 0.1, 0.0, 10.0);
+  // A camera moves much within the time over which the slow poses of a probe are interpolated.
+  constexpr double kMaxGapS = 0.2;
+  max_tf_gap_s_ = parameters.number("max_tf_gap", kMaxGapS, 0.0, 10.0);
   painting_.camera_error_px = parameters.number("camera_error_px", 1.0, 0.0, 1000.0);
   painting_.hand_eye_error_mm = kMmPerM * parameters.number("hand_eye_error", 0.001, 0.0, 1.0);
   painting_.hand_eye_error_rad = parameters.number("hand_eye_angle_error", 0.01, 0.0, 1.0);
@@ -113,10 +121,15 @@ void VideoOverlay::add_camera(const std::string& side, const OverlayPainterOptio
   if (eye == kRight) options.left = "endoscope/left/image_raw";
   options.output = "overlay/" + folder + "image";
   options.transport = transport_;
+  options.plugin_namespace = plugin_namespace_;
   cameras_.push_back(std::make_unique<OverlayCamera>(
-      node_, options, OverlayPainter(painting, *keeper_, tf_),
+      node_, options, OverlayPainter(painting, *keeper_, *tf_),
       [this, eye](OverlayJob& job) { complete(eye, job); },
-      [this](const msg::OverlayStatus& status) { status_publisher_.publish(status); }));
+      [this, side](const msg::OverlayStatus& status) {
+        msg::OverlayStatus named = status;
+        named.camera = side;
+        status_publisher_.publish(named);
+      }));
   diagnostics_.add(side.empty() ? "overlay" : "overlay " + side,
                    [this, eye](diagnostic_updater::DiagnosticStatusWrapper& diagnosis) {
                      diagnose(eye, diagnosis);
@@ -125,7 +138,16 @@ void VideoOverlay::add_camera(const std::string& side, const OverlayPainterOptio
 
 void VideoOverlay::complete(std::size_t eye, OverlayJob& job) const {
   job.use.is_rectified = is_rectified_;
-  if (!is_stereo_) return;
+  if (!is_stereo_) {
+    if (job.info && job.info->P[3] != 0.0 && !has_own_frame_) {
+      job.info = nullptr;
+      job.problem =
+          "the camera_info is that of the right camera of a pair (P[3] is not 0), whose frame may "
+          "be "
+          "the left one's: draw into both (stereo), or set own_frame if the frame is its own";
+    }
+    return;
+  }
   job.warning = out_of_step(eye);
   if (eye != kRight || !job.info) return;
   const sensor_msgs::CameraInfoConstPtr left = cameras_[kRight]->left_info();

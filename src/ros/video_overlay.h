@@ -37,11 +37,14 @@ class VideoOverlay {
   ::ros::NodeHandle node_;
   bool is_stereo_ = false;
   bool is_rectified_ = false;
+  bool has_own_frame_ = false;
   double max_stereo_skew_s_ = 0.0;
   std::string transport_;
+  std::string plugin_namespace_;
   OverlaySceneOptions scene_options_;
   OverlayPainterOptions painting_;
-  TfBuffer tf_;
+  double max_tf_gap_s_ = 0.0;
+  std::unique_ptr<TfBuffer> tf_;
   std::unique_ptr<OverlaySceneKeeper> keeper_;
   std::unique_ptr<TfInput> tf_input_;
   std::vector<::ros::Subscriber> subscribers_;

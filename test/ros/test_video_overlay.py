@@ -130,11 +130,11 @@ class VideoOverlay(unittest.TestCase):
         message.transform.rotation = Quaternion(0.0, 0.0, 0.0, 1.0)
         return message
 
-    def place(self, stamp, camera=True, ct_x=CAMERA_X_M):
+    def place(self, stamp, camera=True, ct_x=CAMERA_X_M, camera_x=CAMERA_X_M):
         """What tf says at a stamp."""
         transforms = [self.transform(self.ct, stamp, ct_x, DEPTH_M)]
         if camera:
-            transforms.append(self.transform(self.camera, stamp, CAMERA_X_M, 0.0))
+            transforms.append(self.transform(self.camera, stamp, camera_x, 0.0))
         self.tf.publish(tf2_msgs.msg.TFMessage(transforms))
 
     def image_at(self, stamp, encoding="rgb8"):
@@ -215,7 +215,7 @@ class VideoOverlay(unittest.TestCase):
                                    "an overlay and its camera_info")
         self.assertEqual((infos.message.width, infos.message.distortion_model), (WIDTH, "plumb_bob"))
         self.assertEqual(list(status.in_view), ["kidney", "tumour"])
-        self.assertEqual((status.header.frame_id, status.result_id, status.message), (self.camera, 7, ""))
+        self.assertEqual((status.header.frame_id, status.camera, status.result_id, status.message), (self.camera, "", 7, ""))
         # Without a covariance: 1.5 times the expected error of 1 mm, 1 mm of hand-eye calibration, and its angle of
         # 0.01 at the distance of the corners of the tumour.
         distance_mm = math.hypot(95.0, 10.0, 10.0)
@@ -274,6 +274,13 @@ class VideoOverlay(unittest.TestCase):
             return stamp
         time.sleep(0.1)
         self.refused("another alignment", stamp_of=elsewhere, placed=False)
+        # The arm of the camera is not heard of for a second, in which it moves by 4 cm.
+        time.sleep(0.5)
+        begin = rospy.Time.now() - rospy.Duration(0.2)
+        self.place(begin)
+        time.sleep(1.0)
+        self.place(begin + rospy.Duration(1.0), camera_x=CAMERA_X_M + 0.04)
+        self.refused("no pose is interpolated", stamp_of=lambda: begin + rospy.Duration(0.5), placed=False)
         self.statuses.clear()
         self.drawn(self.is_drawn, "an overlay after all that was refused")
 
@@ -289,6 +296,7 @@ class VideoOverlay(unittest.TestCase):
         self.refused("must have 8 for rational_polynomial", distortion_model="rational_polynomial")
         self.refused("folds back", D=[-3.0, 0.0, 0.0, 0.0, 0.0])
         self.refused("not calibrated", K=[0.0] * 9)
+        self.refused("right camera of a pair", baseline_m=BASELINE_M)
         self.statuses.clear()
         self.drawn(self.is_drawn, "a rational distortion", distortion_model="rational_polynomial",
                    D=[0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
@@ -561,6 +569,9 @@ class VideoOverlay(unittest.TestCase):
         for parameters, words in (({"stere": True}, "is not a parameter"),
                                   ({"tf_timeout": -1.0}, "must be in"),
                                   ({"image_transport": "no_such"}, "no plugin is installed"),
+                                  # Plugins keep parameters of their own there.
+                                  ({"image_transport": "no_such", "no_such": {"mode": 1}}, "no plugin is installed"),
+                                  ({"no_such": {"mode": 1}}, "is not a parameter"),
                                   ({"structures": {"tumour": {"bnd": True}}}, "structures/tumour/bnd"),
                                   ({"structures": {"tumour": {"opacity": 2.0}}}, "must be a number in [0, 1]"),
                                   ({"structures": {"tumour": {"colour": [1.0]}}}, "red, green and blue"),

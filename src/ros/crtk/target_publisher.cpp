@@ -82,12 +82,16 @@ Eigen::Vector3d TargetPublisher::point_mm(const Target& target, const OverlaySce
                            ", but the CT that was aligned has " + std::to_string(scene.ct_crc32));
     return target.point_mm;
   }
-  const auto found =
-      std::find_if(scene.structures.begin(), scene.structures.end(),
-                   [&](const OverlayStructure& one) { return one.name == target.surface; });
+  const auto is_meant = [&](const OverlayStructure& one) { return one.name == target.surface; };
+  const auto found = std::find_if(scene.structures.begin(), scene.structures.end(), is_meant);
   if (found == scene.structures.end())
     throw InputError("targets/" + target.name,
                      "'surface' is '" + target.surface + "', which ct/surface does not have");
+  if (std::find_if(found + 1, scene.structures.end(), is_meant) != scene.structures.end())
+    throw InputError("targets/" + target.name,
+                     "'surface' is '" + target.surface +
+                         "', which several structures of ct/surface are called; 'label_table' of "
+                         "ct_server gives each label a name of its own");
   const Eigen::Vector3d centre = centre_of_volume_mm(*found->surface);
   if (!centre.allFinite())
     throw InputError("targets/" + target.name, "the surface encloses no volume");

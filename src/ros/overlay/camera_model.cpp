@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 
 #include "ros/conversions/poses.h"
 #include "us_ct_registration/error.h"
@@ -51,8 +53,24 @@ CameraIntrinsics intrinsics_of(const image_geometry::PinholeCameraModel& model,
   intrinsics.fy = K(1, 1);
   intrinsics.cx = K(0, 2);
   intrinsics.cy = K(1, 2);
-  std::copy(info.D.begin(), info.D.end(), intrinsics.distortion.begin());
+  // Without a model there may be any number of zeros.
+  if (is_any_not_zero(info.D))
+    std::copy(info.D.begin(), info.D.end(), intrinsics.distortion.begin());
   return intrinsics;
+}
+
+/// image_geometry computes with them as integers of 32 bits with a sign.
+void require_possible_sizes(const sensor_msgs::CameraInfo& info, const std::string& source) {
+  constexpr std::uint32_t kMost = 65535;
+  const auto& roi = info.roi;
+  for (const auto& [name, value] :
+       {std::pair("width", info.width), std::pair("height", info.height),
+        std::pair("binning_x", info.binning_x), std::pair("binning_y", info.binning_y),
+        std::pair("roi.x_offset", roi.x_offset), std::pair("roi.y_offset", roi.y_offset),
+        std::pair("roi.width", roi.width), std::pair("roi.height", roi.height)})
+    if (value > kMost)
+      throw InputError(source, std::string("'") + name + "' is " + std::to_string(value) +
+                                   ", must be <= " + std::to_string(kMost));
 }
 
 void require_rotation(const Eigen::Matrix3d& R, const char* name, const std::string& source) {
@@ -83,6 +101,7 @@ CameraModel camera_model(const sensor_msgs::CameraInfo& info, const CameraUse& u
                          const std::string& source) {
   if (!(info.K[0] > 0.0 && info.K[4] > 0.0) || (use.is_rectified && !(info.P[0] > 0.0)))
     throw InputError(source, "the camera is not calibrated: K, or P of rectified images, is zero");
+  require_possible_sizes(info, source);
   if (!use.is_rectified) require_known_distortion(info, source);
   const Eigen::Matrix3d R = rectification_of(info);
   require_rotation(R, "'R'", source);

@@ -95,7 +95,8 @@ void OverlayCamera::connect_or_disconnect() {
       left_infos_.subscribe(
           node_, image_transport::getCameraInfoTopic(node_.resolveName(options_.left)), 1);
     images_.subscribe(input_transport_, image_topic_, 1,
-                      image_transport::TransportHints(options_.transport));
+                      image_transport::TransportHints(
+                          options_.transport, {}, ::ros::NodeHandle(options_.plugin_namespace)));
   } else {
     images_.unsubscribe();
     infos_.unsubscribe();

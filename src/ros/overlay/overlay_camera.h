@@ -20,10 +20,11 @@
 namespace usct::ros_interface {
 
 struct OverlayCameraOptions {
-  std::string input;      // topic of the images; camera_info lies beside it
-  std::string left;       // of the right camera of a pair: that of the left one; else empty
-  std::string output;     // topic of the images with the overlay
-  std::string transport;  // of image_transport, like raw
+  std::string input;             // topic of the images; camera_info lies beside it
+  std::string left;              // of the right camera of a pair: that of the left one; else empty
+  std::string output;            // topic of the images with the overlay
+  std::string transport;         // of image_transport, like raw
+  std::string plugin_namespace;  // where the transport's plugin keeps its parameters
 };
 
 /// Counts of a camera's images since the node started, for the diagnostics.

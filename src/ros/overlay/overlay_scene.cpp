@@ -214,7 +214,20 @@ OverlayScene OverlaySceneKeeper::at(const ::ros::Time& stamp) const {
     }
     scene.structures.push_back(std::move(drawn));
   }
+  if (const std::string missing = missing_band(); !missing.empty())
+    scene.warnings.push_back("NO BAND: ct/surface has no '" + missing + "'");
   return scene;
+}
+
+std::string OverlaySceneKeeper::missing_band() const {
+  std::string wished;
+  for (const auto& [name, style] : options_.styles) {
+    if (!style.has_band) continue;
+    const auto is_it = [&wanted = name](const Structure& one) { return one.name == wanted; };
+    if (std::any_of(surfaces_->structures.begin(), surfaces_->structures.end(), is_it)) return {};
+    wished = name;
+  }
+  return wished;
 }
 
 bool OverlaySceneKeeper::is_current(const OverlayScene& scene) const {

@@ -96,6 +96,8 @@ class OverlaySceneKeeper {
   static Surfaces surfaces_from(const visualization_msgs::MarkerArray& message);
   std::string why_not() const;
   std::vector<std::string> warnings_at(double age_s) const;
+  /// A structure for which a band is wished, if none of those has arrived; else empty.
+  std::string missing_band() const;
   /// The error bound of the registration at the surface, mm; unset: it is not known.
   std::optional<double> bound_mm(const Surface& surface, const Eigen::Isometry3d& T_fixed_ct) const;
 

@@ -174,6 +174,16 @@ TEST(CameraModel, WhatIsNotKnownIsRefused) {
   EXPECT_EQ(reason([](Info&) {}), "accepted");
   EXPECT_EQ(reason([](Info& i) { i.D.clear(); }), "accepted");
   EXPECT_EQ(reason([](Info& i) { i.R.fill(0.0); }), "accepted");
+  EXPECT_EQ(reason([](Info& i) {
+              i.distortion_model.clear();
+              i.D.assign(100000, 0.0);
+            }),
+            "accepted");
+  EXPECT_NE(reason([](Info& i) {
+              i.roi.width = 2147483648U;
+              i.binning_x = 4294967295U;
+            }).find("'binning_x' is 4294967295, must be <= 65535"),
+            std::string::npos);
   EXPECT_NE(reason([](Info& i) { i.distortion_model = "equidistant"; }).find("'equidistant'"),
             std::string::npos);
   EXPECT_NE(reason([](Info& i) { i.distortion_model = ""; }).find("plumb_bob or rational"),

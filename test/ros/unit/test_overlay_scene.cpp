@@ -242,6 +242,13 @@ TEST(OverlayScene, SaysWhatAPersonMustKnowOfTheAlignment) {
   EXPECT_THAT(warnings(), testing::ElementsAre(HasSubstr("RESTORED"), HasSubstr("WAITING")));
 }
 
+TEST(OverlayScene, SaysThatTheStructureWithABandIsNotThere) {
+  KeptOverlay kept;
+  kept.keeper.take_surface(to_markers({{1, tetrahedron()}}, {}, "ct", 77));  // without names
+  EXPECT_THAT(kept.keeper.at(::ros::Time(1060)).warnings,
+              testing::ElementsAre(HasSubstr("NO BAND: ct/surface has no 'tumour'")));
+}
+
 TEST(NewestSlot, OnlyTheNewestValueWaits) {
   NewestSlot<int> slot;
   slot.put(1);
