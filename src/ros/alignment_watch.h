@@ -47,6 +47,8 @@ class AlignmentWatch {
   /// Looks the CT up at the present time `now`. Returns whether `problem` is another one than
   /// before.
   bool look_up(const TfBuffer& tf, const ::ros::Time& now, Clock::time_point wall_now);
+  /// The CT as the announced alignment places it; empty if none is announced.
+  const std::optional<AlignedCt>& aligned() const { return aligned_; }
   /// Why the announced alignment is not in force, in words that are the same at each look-up; empty
   /// if it is in force or if none is announced.
   const std::string& problem() const { return problem_; }

@@ -117,14 +117,18 @@ std::optional<Eigen::Isometry3d> SlicerBridge::look_up(std::string& why_not) con
     const geometry_msgs::TransformStamped found =
         tf_.look_up(us_frame_, alignment.ct_frame, ::ros::Time());
     const double age_s = seconds_between(found.header.stamp, ::ros::Time::now());
-    if (age_s <= max_tf_age_s_) return from_message_mm(found.transform, "tf");
+    if (age_s <= max_tf_age_s_) {
+      // After a switch, the newest transform is for a moment that of the alignment before.
+      if (state_.aligned()) T_fixed_ct_in_tf(tf_, *state_.aligned(), found.header.stamp);
+      return from_message_mm(found.transform, "tf");
+    }
     why_not = formatted(
         "the newest transform from '%s' to '%s' is %.1f s old, must be at most "
         "max_tf_age = %.1f s",
         alignment.ct_frame.c_str(), us_frame_.c_str(), age_s, max_tf_age_s_);
   } catch (const tf2::TransformException& error) {
     why_not = std::string("tf has no transform: ") + error.what();
-  } catch (const InputError& error) {
+  } catch (const std::exception& error) {  // InputError or Refusal
     why_not = error.what();
   }
   return std::nullopt;
@@ -159,6 +163,7 @@ std::string SlicerBridge::words_of(const News& news) const {
 
 void SlicerBridge::tick() {
   calls_.poll();
+  state_.look_up(tf_, ::ros::Time::now(), AlignmentWatch::Clock::now());
   const News now = news();
   if (now.T_us_ct) server_->send(igtl_transform(kTransform, *now.T_us_ct));
   if (now.T_us_ct_acquired)
@@ -262,7 +267,7 @@ void SlicerBridge::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnos
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
   const News now = news();
-  const bool is_missing = state_.is_in_force() && !now.T_us_ct;
+  const bool is_missing = state_.is_announced() && !now.T_us_ct;
   diagnosis.summary(is_missing ? DiagnosticStatus::WARN : DiagnosticStatus::OK, now.status);
   diagnosis.add("port", server_->port());
   diagnosis.add("clients", server_->clients());

@@ -41,6 +41,7 @@ UsCloud::UsCloud(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private
   refused_ct_publisher_ = node_.advertise<sensor_msgs::PointCloud2>("ct/cloud_refused", 1, true);
   refused_surface_publisher_ =
       node_.advertise<visualization_msgs::MarkerArray>("ct/surface_refused", 1, true);
+  show_ct();  // rviz keeps what a node showed that has ended
   us_subscriber_ = node_.subscribe("us/volume", 1, &UsCloud::take_ultrasound, this);
   ct_subscriber_ = node_.subscribe("ct/volume", 1, &UsCloud::take_ct, this);
   surface_subscriber_ = node_.subscribe("ct/surface", 1, &UsCloud::take_surface, this);
@@ -207,6 +208,8 @@ void UsCloud::take_surface(const visualization_msgs::MarkerArrayConstPtr& messag
 }
 
 void UsCloud::take_result(const msg::RegistrationResultConstPtr& message) {
+  // As in the overlay: a person cancelled it and knows it.
+  if (message->status.code == msg::StatusCode::CANCELLED) return;
   {
     const std::lock_guard lock(mutex_);
     const bool is_drawn =
@@ -246,15 +249,14 @@ void UsCloud::show_proposed() {
 void UsCloud::show_aligned() {
   const std::string& problem = alignment_watch_.problem();
   const bool is_in_force = placement_ && placement_->T_fixed_ct && problem.empty();
-  if (surface_ && placement_) {
-    const bool is_shown = is_in_force && has_surface_of(placement_->ct_crc32);
-    visualization_msgs::MarkerArray markers =
-        placed(*surface_, is_shown ? placement_->fixed_frame : cloud_frame(),
-               is_shown ? placement_->T_fixed_ct : std::nullopt, surface_alpha_);
-    if (shown_ && !problem.empty())
-      markers.markers.push_back(not_in_force_marker(problem, cloud_frame(), shown_->far_above_mm));
-    surface_publisher_.publish(markers);
-  }
+  const bool is_shown = is_in_force && has_surface_of(placement_->ct_crc32);
+  visualization_msgs::MarkerArray markers =
+      placed(surface_ ? *surface_ : visualization_msgs::MarkerArray(),
+             is_shown ? placement_->fixed_frame : cloud_frame(),
+             is_shown ? placement_->T_fixed_ct : std::nullopt, surface_alpha_);
+  if (shown_ && !problem.empty())
+    markers.markers.push_back(not_in_force_marker(problem, cloud_frame(), shown_->far_above_mm));
+  surface_publisher_.publish(markers);
   if (!shown_) return;
   std::vector<CloudPoint> points;
   if (ct_ && is_in_force && placement_->ct_crc32 == ct_crc32_ &&
@@ -264,10 +266,9 @@ void UsCloud::show_aligned() {
 }
 
 void UsCloud::show_refused() try {
-  if (!shown_) return;
   std::vector<CloudPoint> points;
   visualization_msgs::MarkerArray markers = placed({}, cloud_frame(), std::nullopt, 0.0);
-  if (refused_ && refused_->us_stamp == shown_->header.stamp && ct_ &&
+  if (shown_ && refused_ && refused_->us_stamp == shown_->header.stamp && ct_ &&
       refused_->ct_crc32 == ct_crc32_) {
     const Eigen::Isometry3d T_cloud_ct =
         shown_->T_cloud_us *
@@ -279,7 +280,7 @@ void UsCloud::show_refused() try {
          shown_->below_mm},
         surface_alpha_);
   }
-  refused_ct_publisher_.publish(to_message(points, shown_->header));
+  if (shown_) refused_ct_publisher_.publish(to_message(points, shown_->header));
   refused_surface_publisher_.publish(markers);
 } catch (const InputError& error) {
   ROS_ERROR("%s", error.what());

@@ -7,15 +7,30 @@
 #include <rviz/visualization_manager.h>
 
 namespace usct::ros_interface {
+namespace {
+
+bool may_show_another_ct(const ::rviz::Display& display) {
+  const QString kind = display.getClassId();
+  return (kind == "rviz/MarkerArray" || kind == "rviz/PointCloud2") &&
+         display.getName() != "landmarks";
+}
+
+}  // namespace
 
 void CtScene::renew_displays(bool is_ct_alone) {
   ::rviz::DisplayGroup* displays = manager_.getRootDisplayGroup();
   for (int i = 0; i < displays->numDisplays(); ++i) {
     ::rviz::Display* display = displays->getDisplayAt(i);
-    const bool is_shown = display->getName() == "CT alone" ? is_ct_alone : display->isEnabled();
+    const bool is_shown = display->isEnabled() || hidden_.count(display) > 0;
     display->setEnabled(false);
-    display->setEnabled(is_shown);
+    if (display->getName() == "CT alone")
+      display->setEnabled(is_ct_alone);
+    else if (is_shown && is_ct_alone && may_show_another_ct(*display))
+      hidden_.insert(display);
+    else
+      display->setEnabled(is_shown);
   }
+  if (!is_ct_alone) hidden_.clear();
 }
 
 void CtScene::show_ct_alone(const std::string& ct_frame, const Eigen::Vector3d& middle_m) {

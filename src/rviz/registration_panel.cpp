@@ -37,8 +37,8 @@ constexpr int kTickMs = 50;
 /// A result that comes just before the click on another must not be accepted by it.
 constexpr double kLookS = 1.0;
 
-const std::vector<std::string> kNodes = {"us_ingest", "ct_server", "registration", "tf_publisher",
-                                         "fusion_view"};
+const std::vector<std::string> kNodes = {"us_ingest",    "ct_server", "registration",
+                                         "tf_publisher", "us_cloud",  "fusion_view"};
 
 /// The namespace of a node handle as diagnostics have it, "" or "robot/".
 std::string prefix_of(const ::ros::NodeHandle& node) {
@@ -252,6 +252,7 @@ void RegistrationPanel::take_picture(const sensor_msgs::ImageConstPtr& image) {
 void RegistrationPanel::tick() {
   queue_.callAvailable();
   calls_.poll();
+  state_.look_up(tf_, ::ros::Time::now(), AlignmentWatch::Clock::now());
   state_.set_registering(nodes_.is_registering());
   if (state_.subject_id() != shown_id_) shown_since_s_ = now_s();
   shown_id_ = state_.subject_id();

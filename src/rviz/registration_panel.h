@@ -15,6 +15,8 @@
 #include "ros/operator/node_watch.h"
 #include "ros/operator/operator_state.h"
 #include "ros/operator/service_calls.h"
+#include "ros/tf_buffer.h"
+#include "ros/tf_input.h"
 
 class QLabel;
 class QPlainTextEdit;
@@ -29,7 +31,8 @@ class PictureView;
 /// picture of fusion_view, landmarks, and what the nodes say of themselves. docs/rviz_panel.md.
 ///
 /// All of it runs in the thread of the windows: the panel has a callback queue of its own, which a
-/// timer empties, and calls services by ServiceCalls, so that no node can hold the windows up.
+/// timer empties, and calls services by ServiceCalls, so that no node can hold the windows up. tf
+/// alone arrives in a thread of its own.
 class RegistrationPanel : public ::rviz::Panel {
  public:
   RegistrationPanel();
@@ -61,6 +64,8 @@ class RegistrationPanel : public ::rviz::Panel {
   ::ros::CallbackQueue queue_;
   GuardedQueue guarded_{queue_};
   ::ros::NodeHandle node_;
+  TfBuffer tf_;
+  TfInput tf_input_{tf_, node_};
   OperatorState state_;
   NodeWatch nodes_;
   ServiceCalls calls_;

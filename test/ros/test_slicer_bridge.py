@@ -230,7 +230,8 @@ class SlicerBridge(TfPublisherCase):
         # tf_publisher dies, and its last latched word remains that the alignment is broadcast.
         publisher.kill()
         self.client.wait("STATUS", "registration_status",
-                         lambda s: s[0] == STATUS_NOT_READY and "max_tf_age" in s[1], 20)
+                         lambda s: s[0] == STATUS_NOT_READY and "not in force: tf does not connect" in s[1], 20)
+        self.client.wait("STRING", "registration", lambda text: "NO POSE" in text)
         # Whoever looks at Slicer alone must learn that the alignment is from before the restart.
         self.hold_ct(CT_CRC32)
         self.start_publisher(policy="auto", alignment_file=self.file, restore="same_ct")

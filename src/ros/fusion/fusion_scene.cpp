@@ -8,6 +8,7 @@
 #include "ros/conversions/registration_result.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
+#include "ros/known_results.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/confidence_text.h"
@@ -56,14 +57,14 @@ void FusionSceneKeeper::take_alignment(const msg::Alignment& message) {
 }
 
 void FusionSceneKeeper::take_result(const msg::RegistrationResult& message) {
-  constexpr std::size_t kMostResults = 16;
+  // A person cancelled it and knows it; what was shown before is as good as it was.
+  if (message.status.code == msg::StatusCode::CANCELLED) return;
   Known taken{message.header, message.ct_crc32, message.id,
               registration_result_from(message, "registration/result")};
   taken.us.stamp = message.us_stamp;
   last_ = taken;
   results_[message.id] = std::move(taken);
-  // Ids rise with time.
-  if (results_.size() > kMostResults) results_.erase(results_.begin());
+  forget_old(results_, {alignment_.result_id, proposed_.result_id});
 }
 
 void FusionSceneKeeper::take_surface(const visualization_msgs::MarkerArray& message) {

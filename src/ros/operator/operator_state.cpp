@@ -4,6 +4,7 @@
 
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/registration_result.h"
+#include "ros/known_results.h"
 #include "ros/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/confidence_text.h"
@@ -25,12 +26,17 @@ std::optional<RegistrationResult> core_result(const msg::RegistrationResult& mes
 
 }  // namespace
 
+void OperatorState::take_alignment(const msg::Alignment& message) {
+  alignment_ = message;
+  alignment_watch_.arrived(message);
+}
+
 void OperatorState::take_result(const msg::RegistrationResult& message) {
-  constexpr std::size_t kMostResults = 16;
+  // A person cancelled it and knows it; what counts or waits is as good as before.
+  if (message.status.code == Code::CANCELLED) return;
   results_[message.id] = message;
   last_id_ = message.id;
-  // Ids rise with time.
-  if (results_.size() > kMostResults) results_.erase(results_.begin());
+  forget_old(results_, {alignment_.result_id, proposed_.result_id});
 }
 
 void OperatorState::set_requested(OperatorAction action, bool is_requested) {
@@ -59,12 +65,13 @@ bool OperatorState::may(OperatorAction action) const {
     case OperatorAction::kReject:
       return !is_deciding && (is_proposed() || proposed_.waiting_id != 0);
     case OperatorAction::kRevert:
-      return !is_deciding && is_in_force();
+      return !is_deciding && is_announced();
   }
   return false;
 }
 
 std::string OperatorState::in_force() const {
+  if (!alignment_watch_.problem().empty()) return alignment_watch_.problem();
   return alignment_.message.empty() ? "nothing is known: tf_publisher has not been heard"
                                     : alignment_.message;
 }
@@ -102,6 +109,8 @@ OperatorSubject OperatorState::subject() const {
             "REFUSED, " + code_name(last->status.code) + ": " + last->status.message,
             result ? confidence_text(*result) : ""};
   }
+  if (is_announced() && !is_in_force())
+    return {PoseStanding::kNone, "NO POSE: " + alignment_watch_.problem(), ""};
   if (is_in_force())
     return about(PoseStanding::kAccepted,
                  alignment_.state == msg::Alignment::RESTORED

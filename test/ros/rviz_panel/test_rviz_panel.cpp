@@ -178,6 +178,21 @@ TEST_F(RvizPanel, RegistersAsksAcceptsAndReverts) {
   wait_words("answer", name + " is accepted");
   wait_words("in_force", name + " is broadcast");
   wait_words("headline", "ACCEPTED");
+  // A second tf_publisher says that the CT is elsewhere.
+  ros::NodeHandle node;
+  const auto accepted = ros::topic::waitForMessage<msg::Alignment>("registration/alignment", node,
+                                                                   ros::Duration(10.0));
+  ASSERT_TRUE(accepted);
+  auto alignments = node.advertise<msg::Alignment>("registration/alignment", 1);
+  wait_for([&] { return alignments.getNumSubscribers() > 0; }, "a subscriber of the alignment");
+  msg::Alignment elsewhere = *accepted;
+  elsewhere.transform.translation.x += 0.01;
+  alignments.publish(elsewhere);
+  wait_words("headline", "tf has the CT where another alignment has it");
+  EXPECT_THAT(words("in_force"), HasSubstr("not in force"));
+  elsewhere.transform.translation.x -= 0.01;
+  alignments.publish(elsewhere);
+  wait_words("headline", "ACCEPTED");
   wait_for([&] { return !is_enabled("accept") && !is_enabled("reject"); }, "nothing to wait");
   press("revert");
   wait_words("in_force", "nothing is accepted");

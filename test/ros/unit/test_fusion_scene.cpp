@@ -118,6 +118,26 @@ TEST(FusionScene, WhatWaitsComesBeforeWhatIsAcceptedBeforeWhatIsRefused) {
   kept.expect_none("nothing is accepted");
 }
 
+TEST(FusionScene, ACancelledRegistrationChangesNothing) {
+  Kept kept;
+  kept.keeper.take_result(result(4, msg::StatusCode::LOW_CONFIDENCE));
+  msg::RegistrationResult cancelled = result(5, msg::StatusCode::CANCELLED);
+  cancelled.candidates.clear();
+  kept.keeper.take_result(cancelled);
+  EXPECT_EQ(kept.pose().standing, PoseStanding::kRefused);
+  EXPECT_THAT(kept.pose().headline, HasSubstr("too few edges"));
+}
+
+TEST(FusionScene, TheResultInForceIsKnownForAsLongAsItIs) {
+  Kept kept;
+  kept.keeper.take_result(result(5));
+  kept.keeper.take_alignment(alignment(msg::Alignment::ACCEPTED, 5));
+  for (std::uint64_t id = 6; id < 40; ++id)
+    kept.keeper.take_result(result(id, msg::StatusCode::LOW_CONFIDENCE));
+  // As of the result; the alignment alone has 3.0.
+  EXPECT_DOUBLE_EQ(kept.pose().T_us_ct->translation().z(), 3.5);
+}
+
 TEST(FusionScene, WhatIsRestoredSaysSo) {
   Kept kept;
   kept.keeper.take_alignment(alignment(msg::Alignment::RESTORED, 0));

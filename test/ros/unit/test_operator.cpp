@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "ros/conversions/poses.h"
 #include "ros/operator/landmark_pairs.h"
 #include "ros/operator/node_watch.h"
 #include "ros/operator/operator_state.h"
@@ -131,6 +132,56 @@ TEST(OperatorState, SaysWhatIsKnownOfAnAlignmentWhoseResultIsNot) {
   EXPECT_THAT(state.subject().headline, HasSubstr("before a restart"));
   EXPECT_EQ(state.subject().evidence, "expected error: 2.50 mm\n");
   EXPECT_EQ(allowed(state), "register revert ");
+}
+
+TEST(OperatorState, ACancelledRegistrationChangesNothing) {
+  OperatorState state;
+  state.take_result(a_result(4));
+  state.take_alignment(an_alignment(msg::Alignment::ACCEPTED, 4, "result 4 is broadcast"));
+  state.take_result(a_result(5, msg::StatusCode::CANCELLED));
+  EXPECT_EQ(state.subject().standing, PoseStanding::kAccepted);
+}
+
+TEST(OperatorState, KnowsTheResultsInUseHoweverManyCome) {
+  OperatorState state;
+  state.take_result(a_result(4));
+  state.take_result(a_result(5));
+  state.take_alignment(an_alignment(msg::Alignment::ACCEPTED, 4, "result 4 is broadcast"));
+  state.take_proposed(waits(5));
+  for (std::uint64_t id = 6; id < 40; ++id)
+    state.take_result(a_result(id, msg::StatusCode::LOW_CONFIDENCE));
+  ASSERT_NE(state.result_in_force(), nullptr);
+  EXPECT_EQ(state.result_in_force()->id, 4U);
+  EXPECT_THAT(state.subject().evidence, HasSubstr("more than 5 mm off: 0.125"));
+}
+
+TEST(OperatorState, CallsNothingAcceptedThatTfDoesNotHave) {
+  msg::Alignment accepted = an_alignment(msg::Alignment::ACCEPTED, 4, "result 4 is broadcast");
+  accepted.header.frame_id = "patient";
+  accepted.ct_frame = "ct";
+  accepted.transform = to_message(Eigen::Isometry3d::Identity());
+  OperatorState state;
+  state.take_result(a_result(4));
+  state.take_alignment(accepted);
+  TfBuffer tf(::ros::Duration(60.0));
+  AlignmentWatch::Clock::time_point wall_now;
+  const auto look_up_after = [&](std::chrono::milliseconds passed) {
+    wall_now += passed;
+    state.look_up(tf, ::ros::Time(100.0), wall_now);
+  };
+  look_up_after(std::chrono::milliseconds(0));
+  look_up_after(AlignmentWatch::kPatience);
+  EXPECT_EQ(state.subject().standing, PoseStanding::kNone);
+  EXPECT_THAT(state.subject().headline,
+              HasSubstr("NO POSE: the accepted alignment is not in force"));
+  EXPECT_THAT(state.in_force(), HasSubstr("tf does not connect 'ct' to 'patient'"));
+  EXPECT_EQ(state.result_in_force(), nullptr);
+  EXPECT_EQ(allowed(state), "register revert ");
+  tf.set_transform(
+      stamped_transform(::ros::Time(100.0), Eigen::Isometry3d::Identity(), "patient", "ct"),
+      "test");
+  look_up_after(AlignmentWatch::kPatience);
+  EXPECT_EQ(state.subject().headline, "ACCEPTED: result 4 is broadcast");
 }
 
 TEST(OperatorState, ShowsTheMessageOfAResultThatItCannotRead) {
