@@ -55,6 +55,7 @@ Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes, InitialAlig
       frame_(frame),
       own_(parsed(options_.preset, options_.options, source)),
       tracker_(own_.options, {options_.full_every}) {
+  own_.is_own = true;
   if (!options_.allow_global) return;
   require(!options_.preset.empty(), source,
           "'preset' is empty, must name a preset if allow_global is true: a whole file of options "
@@ -62,13 +63,15 @@ Registrar::Registrar(RegistrarOptions options, HeldVolumes& volumes, InitialAlig
   parsed(kGlobalPreset, options_.options, source);
 }
 
+std::string Registrar::Chosen::words() const {
+  if (differing.empty()) return preset;
+  return preset.empty() ? "options" : preset + " with options";
+}
+
 Registrar::Chosen Registrar::parsed(const std::string& preset, const std::string& options,
                                     const std::string& source) const {
   const std::string from_preset = preset.empty() ? "" : "preset: " + preset + "\n";
-  Chosen chosen{preset + (options.empty()  ? ""
-                          : preset.empty() ? "options"
-                                           : " with options"),
-                options, parse_registration_options(from_preset + options, source)};
+  Chosen chosen{preset, options, parse_registration_options(from_preset + options, source)};
   if (options_.seed) chosen.options.seed = *options_.seed;
   return chosen;
 }
@@ -114,7 +117,7 @@ void Registrar::choose_start(const RegistrationRequest& request, Inputs& inputs)
     inputs.start = *known;
     return;
   }
-  const bool is_global = inputs.chosen.preset.rfind(kGlobalPreset, 0) == 0;
+  const bool is_global = inputs.chosen.preset == kGlobalPreset;
   if (!is_global && !options_.allow_global)
     throw Refusal(Status::NO_INITIAL_ALIGNMENT,
                   "no initial alignment is known: none in the request, none set and none accepted "
@@ -167,7 +170,7 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request, con
   const Eigen::Isometry3d& T_us_ct = inputs.start.T_us_ct;
   if (inputs.start.source != InitialAlignments::kAccepted) tracker_.forget();
   RegistrationResult result =
-      request.may_track && inputs.chosen.preset == own_.preset
+      request.may_track && inputs.chosen.is_own
           ? tracker_.next(inputs.us->beams, ct, T_us_ct, hooks)
           : register_ultrasound(inputs.us->beams, ct, T_us_ct, inputs.chosen.options, hooks);
   // This check comes first, because ultrasound that moved has a wrong initial pose as well.
@@ -180,7 +183,7 @@ RegistrationResult Registrar::registered(const RegistrationRequest& request, con
 }
 
 void Registrar::describe(const Inputs& inputs, msg::RegistrationResult& result) const {
-  result.preset = inputs.chosen.preset;
+  result.preset = inputs.chosen.words();
   result.initial_alignment = inputs.start.source;
   if (inputs.ct) {
     result.ct_frame = inputs.ct->header.frame_id;

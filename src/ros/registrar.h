@@ -77,11 +77,16 @@ class Registrar {
 
  private:
   struct Chosen {
-    /// As in the result: the preset, and whether options differ from it.
+    /// Empty if the options are a whole file.
     std::string preset;
     /// YAML of the options that differ from the preset; the whole file if there is no preset.
     std::string differing;
     RegistrationOptions options;
+    /// Whether they are those of the node.
+    bool is_own = false;
+
+    /// As in the result: the preset, and whether options differ from it.
+    std::string words() const;
   };
   struct Inputs;
 

@@ -33,7 +33,8 @@ def declared(path):
 # The arguments of registration.launch, and the parameters that they set.
 SET_BY = {
     "fixed_frame": ("registration/fixed_frame", "tf_publisher/fixed_frame", "us_cloud/fixed_frame", "fusion_view/fixed_frame"),
-    "ct": ("ct_server/path",), "ct_labels": ("ct_server/labels",), "data_root": ("ct_server/data_root",),
+    "ct": ("ct_server/path",), "ct_labels": ("ct_server/labels",),
+    "ct_label_table": ("ct_server/label_table",), "data_root": ("ct_server/data_root",),
     "ct_frame": ("ct_server/ct_frame",), "preset": ("registration/preset",), "policy": ("tf_publisher/policy",),
     "restore": ("tf_publisher/restore",), "alignment_file": ("tf_publisher/alignment_file",),
     "proposed_frame": ("tf_publisher/proposed_frame",), "us_frame": ("us_ingest/frame_id",),
@@ -70,7 +71,7 @@ class LaunchFiles(unittest.TestCase):
     def test_launches_of_a_part_hand_on_all_arguments_of_the_whole(self):
         """roslaunch passes over arguments that a file does not declare, without a word."""
         nodes = {"run_" + name for name in ("us_ingest", "ct_server", "registration", "tf_publisher", "us_cloud", "fusion_view")}
-        of_ct = {"ct", "ct_labels", "data_root", "ct_frame"}
+        of_ct = {"ct", "ct_labels", "ct_label_table", "data_root", "ct_frame"}
         of_ultrasound = {"us_frame", "images", "image_topic"}
         of_tf = {"policy", "proposed_frame", "alignment_file", "restore"}
         of_rviz = {"rviz", "acquired_frame", "field_frame", "save_root", "centre_topic"}
