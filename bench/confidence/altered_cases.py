@@ -2,6 +2,7 @@
 import gzip
 import re
 import shutil
+import zlib
 
 import numpy as np
 
@@ -70,7 +71,9 @@ def focused(us):
 
 
 def with_noise(image, deviation):
-    image.values = image.values + np.random.default_rng(7).normal(0.0, deviation, image.values.shape)
+    # Of each image its own, and the same each time.
+    seed = zlib.crc32(np.ascontiguousarray(image.values).tobytes())
+    image.values = image.values + np.random.default_rng(seed).normal(0.0, deviation, image.values.shape)
 
 
 def without_contact(us):

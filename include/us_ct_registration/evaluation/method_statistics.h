@@ -9,34 +9,35 @@
 #include "us_ct_registration/evaluation/study_statistics.h"
 
 /// Statistics of several methods of a study. Runs from starts of one case are not independent,
-/// since they share its images, so that intervals and tests are over cases.
+/// since they share its images, and neither are cases of one subject, which share its anatomy, so
+/// that intervals and tests are over subjects; see subject_of.
 namespace usct {
 
-/// A 95 % confidence interval; NaN if there are too few cases.
+/// A 95 % confidence interval; NaN if there are too few subjects.
 struct Interval {
   double low = std::numeric_limits<double>::quiet_NaN();
   double high = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// The values of one case.
-struct CaseValues {
+/// The values of one subject.
+struct SubjectValues {
   double sum = 0.0;
   std::size_t count = 0;
 };
 
-/// Interval of the mean of all values by the percentiles of a bootstrap over cases (Davison and
-/// Hinkley 1997, 3.8): cases are drawn with replacement, each with all its values. Draws without
-/// any value do not count. NaN for fewer than two cases. The same seed gives the same bits.
-Interval bootstrap_over_cases(const std::vector<CaseValues>& cases, std::uint64_t seed = 1,
-                              int draws = 10000);
+/// Interval of the mean of all values by the percentiles of a bootstrap over subjects (Davison and
+/// Hinkley 1997, 3.8): subjects are drawn with replacement, each with all its values. Draws without
+/// any value do not count. NaN for fewer than two subjects. The same seed gives the same bits.
+Interval bootstrap_over_subjects(const std::vector<SubjectValues>& subjects, std::uint64_t seed = 1,
+                                 int draws = 10000);
 
-/// A test of whether the mean of differences, one of each case, is other than 0. Members that need
-/// more values than there are, or values that differ, are NaN.
+/// A test of whether the mean of differences, one of each subject, is other than 0. Members that
+/// need more values than there are, or values that differ, are NaN.
 struct PairedTest {
-  std::size_t cases = 0;
+  std::size_t subjects = 0;
   double mean = std::numeric_limits<double>::quiet_NaN();
-  /// Student's t with cases - 1 degrees of freedom, and the two-sided probability of one as large
-  /// by chance.
+  /// Student's t with subjects - 1 degrees of freedom, and the two-sided probability of one as
+  /// large by chance.
   double t = std::numeric_limits<double>::quiet_NaN();
   double p = std::numeric_limits<double>::quiet_NaN();
   Interval bootstrap;
@@ -46,6 +47,7 @@ PairedTest paired_test(const std::vector<double>& differences);
 /// Statistics of some runs from starts near the truth. Errors are TREs against the rigid truth.
 struct RunStatistics {
   std::size_t cases = 0;
+  std::size_t subjects = 0;
   std::size_t runs = 0;
   std::size_t refused = 0;
   /// Number of runs that were accepted with an error below the study's `success_mm`, and the share
@@ -60,12 +62,12 @@ struct RunStatistics {
 };
 RunStatistics statistics_of(const std::vector<const StudyRun*>& runs, double success_mm);
 
-/// Two methods, compared case by case.
+/// Two methods, compared subject by subject.
 struct MethodComparison {
   std::string first;
   std::string second;
-  /// Errors of the second method less those of the first, mm: the mean of each case over the starts
-  /// from which both were accepted.
+  /// Errors of the second method less those of the first, mm: the mean of each subject over the
+  /// starts from which both were accepted.
   PairedTest error_mm;
   /// Success rate of the second method less that of the first, over all starts.
   PairedTest success;

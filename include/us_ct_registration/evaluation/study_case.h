@@ -10,6 +10,12 @@
 
 namespace usct {
 
+/// The subject of a case: its name after the first '_', or all of it if there is none. The phantoms
+/// agar_3001 and patient_3001 have the same kidney, so that they are not independent.
+inline std::string subject_of(const std::string& case_name) {
+  return case_name.substr(case_name.find('_') + 1);  // npos + 1 is 0
+}
+
 /// A folder as `usct phantom` writes it: `ct` (.nrrd, .mha or .nii.gz), `us.nrrd`, `truth.tfm`,
 /// `targets.csv` and, if positions of the targets in the CT are known, `targets_ct.csv`.
 struct StudyCase {
@@ -28,6 +34,7 @@ struct StudyCase {
 
   /// The name up to its first '_'.
   std::string group() const { return name.substr(0, name.find('_')); }
+  std::string subject() const { return subject_of(name); }
   /// The centroid of the targets: the middle of the kidney.
   Eigen::Vector3d centre_us_mm() const;
   Eigen::Vector3d centre_ct_mm() const;

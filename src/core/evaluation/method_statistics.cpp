@@ -4,9 +4,11 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
 
 #include "phantom/random.h"
+#include "us_ct_registration/evaluation/study_case.h"
 
 namespace usct {
 namespace {
@@ -19,15 +21,15 @@ bool has_succeeded(const StudyRun& run, double success_mm) {
 }
 
 /// The values by name, without the names.
-std::vector<CaseValues> values_of(const std::map<std::string, CaseValues>& by_case) {
-  std::vector<CaseValues> values;
-  for (const auto& [name, of_case] : by_case) values.push_back(of_case);
+std::vector<SubjectValues> values_of(const std::map<std::string, SubjectValues>& by_subject) {
+  std::vector<SubjectValues> values;
+  for (const auto& [name, of_subject] : by_subject) values.push_back(of_subject);
   return values;
 }
 
-std::vector<double> means_of(const std::map<std::string, CaseValues>& by_case) {
+std::vector<double> means_of(const std::map<std::string, SubjectValues>& by_subject) {
   std::vector<double> means;
-  for (const auto& [name, values] : by_case)
+  for (const auto& [name, values] : by_subject)
     means.push_back(values.sum / static_cast<double>(values.count));
   return means;
 }
@@ -39,18 +41,18 @@ using RunsByStart = std::map<StartKey, const StudyRun*>;
 MethodComparison compared(const std::string& first, const RunsByStart& firsts,
                           const std::string& second, const RunsByStart& seconds,
                           double success_mm) {
-  std::map<std::string, CaseValues> errors;
-  std::map<std::string, CaseValues> successes;
+  std::map<std::string, SubjectValues> errors;
+  std::map<std::string, SubjectValues> successes;
   for (const auto& [start, a] : firsts) {
     const auto found = seconds.find(start);
     if (found == seconds.end()) continue;
     const StudyRun* b = found->second;
-    CaseValues& success = successes[a->case_name];
+    SubjectValues& success = successes[subject_of(a->case_name)];
     success.sum +=
         (has_succeeded(*b, success_mm) ? 1.0 : 0.0) - (has_succeeded(*a, success_mm) ? 1.0 : 0.0);
     ++success.count;
     if (!a->after || !b->after) continue;
-    CaseValues& error = errors[a->case_name];
+    SubjectValues& error = errors[subject_of(a->case_name)];
     error.sum += b->after->rigid.mean_mm - a->after->rigid.mean_mm;
     ++error.count;
   }
@@ -59,16 +61,17 @@ MethodComparison compared(const std::string& first, const RunsByStart& firsts,
 
 }  // namespace
 
-Interval bootstrap_over_cases(const std::vector<CaseValues>& cases, std::uint64_t seed, int draws) {
-  if (cases.size() < 2) return {};
+Interval bootstrap_over_subjects(const std::vector<SubjectValues>& subjects, std::uint64_t seed,
+                                 int draws) {
+  if (subjects.size() < 2) return {};
   phantom::Sequence random(seed, kBootstrapPurpose);
   std::vector<double> means;
   for (int draw = 0; draw < draws; ++draw) {
-    CaseValues drawn;
-    for (std::size_t i = 0; i < cases.size(); ++i) {
-      const auto place = static_cast<std::size_t>(random.next() % cases.size());
-      drawn.sum += cases[place].sum;
-      drawn.count += cases[place].count;
+    SubjectValues drawn;
+    for (std::size_t i = 0; i < subjects.size(); ++i) {
+      const auto place = static_cast<std::size_t>(random.next() % subjects.size());
+      drawn.sum += subjects[place].sum;
+      drawn.count += subjects[place].count;
     }
     if (drawn.count > 0) means.push_back(drawn.sum / static_cast<double>(drawn.count));
   }
@@ -79,16 +82,16 @@ Interval bootstrap_over_cases(const std::vector<CaseValues>& cases, std::uint64_
 
 PairedTest paired_test(const std::vector<double>& differences) {
   PairedTest test;
-  test.cases = differences.size();
+  test.subjects = differences.size();
   const Spread spread = spread_of(differences);
   test.mean = spread.mean;
-  std::vector<CaseValues> cases;
-  for (const double difference : differences) cases.push_back({difference, 1});
-  test.bootstrap = bootstrap_over_cases(cases);
+  std::vector<SubjectValues> subjects;
+  for (const double difference : differences) subjects.push_back({difference, 1});
+  test.bootstrap = bootstrap_over_subjects(subjects);
   // Equal differences leave a deviation of rounding errors.
   constexpr double kRounding = 1e-12;
   if (!(spread.deviation > kRounding * std::abs(spread.mean))) return test;
-  const auto count = static_cast<double>(test.cases);
+  const auto count = static_cast<double>(test.subjects);
   test.t = spread.mean / (spread.deviation / std::sqrt(count));
   const boost::math::students_t_distribution<> students_t(count - 1.0);
   test.p = 2.0 * boost::math::cdf(boost::math::complement(students_t, std::abs(test.t)));
@@ -96,12 +99,14 @@ PairedTest paired_test(const std::vector<double>& differences) {
 }
 
 RunStatistics statistics_of(const std::vector<const StudyRun*>& runs, double success_mm) {
-  std::map<std::string, CaseValues> successes;
-  std::map<std::string, CaseValues> errors;
+  std::map<std::string, SubjectValues> successes;
+  std::map<std::string, SubjectValues> errors;
   std::vector<double> accepted_mm;
   std::vector<double> succeeded_mm;
+  std::set<std::string> cases;
   for (const StudyRun* run : runs) {
-    CaseValues& success = successes[run->case_name];
+    cases.insert(run->case_name);
+    SubjectValues& success = successes[subject_of(run->case_name)];
     ++success.count;
     if (has_succeeded(*run, success_mm)) {
       success.sum += 1.0;
@@ -109,21 +114,22 @@ RunStatistics statistics_of(const std::vector<const StudyRun*>& runs, double suc
     }
     if (!run->after) continue;
     accepted_mm.push_back(run->after->rigid.mean_mm);
-    CaseValues& error = errors[run->case_name];
+    SubjectValues& error = errors[subject_of(run->case_name)];
     error.sum += accepted_mm.back();
     ++error.count;
   }
   RunStatistics statistics;
-  statistics.cases = successes.size();
+  statistics.cases = cases.size();
+  statistics.subjects = successes.size();
   statistics.runs = runs.size();
   statistics.refused = runs.size() - accepted_mm.size();
   statistics.succeeded = succeeded_mm.size();
   if (!runs.empty())
     statistics.success_rate =
         static_cast<double>(statistics.succeeded) / static_cast<double>(runs.size());
-  statistics.success_interval = bootstrap_over_cases(values_of(successes));
+  statistics.success_interval = bootstrap_over_subjects(values_of(successes));
   statistics.accepted_mm = spread_of(accepted_mm);
-  statistics.mean_interval_mm = bootstrap_over_cases(values_of(errors));
+  statistics.mean_interval_mm = bootstrap_over_subjects(values_of(errors));
   statistics.succeeded_mm = spread_of(succeeded_mm);
   return statistics;
 }

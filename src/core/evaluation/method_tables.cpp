@@ -32,6 +32,7 @@ std::string interval_cell(const Interval& interval, double factor, int decimals)
 
 /// The columns of every table of methods, after those that name the row.
 const std::vector<std::string> kStatisticsHeader{"cases",
+                                                 "subjects",
                                                  "runs",
                                                  "refused",
                                                  "success (%)",
@@ -47,11 +48,11 @@ void add_statistics(std::vector<std::string> cells, const RunPointers& runs, dou
   const RunStatistics statistics = statistics_of(runs, success_mm);
   const Spread& mm = statistics.accepted_mm;
   for (const std::string& cell :
-       {std::to_string(statistics.cases), std::to_string(statistics.runs),
-        std::to_string(statistics.refused), percent_cell(statistics.success_rate),
-        interval_cell(statistics.success_interval, 100.0, 1), number_cell(mm.mean),
-        interval_cell(statistics.mean_interval_mm, 1.0, 2), number_cell(mm.median),
-        number_cell(mm.percentile_95), number_cell(mm.max)})
+       {std::to_string(statistics.cases), std::to_string(statistics.subjects),
+        std::to_string(statistics.runs), std::to_string(statistics.refused),
+        percent_cell(statistics.success_rate), interval_cell(statistics.success_interval, 100.0, 1),
+        number_cell(mm.mean), interval_cell(statistics.mean_interval_mm, 1.0, 2),
+        number_cell(mm.median), number_cell(mm.percentile_95), number_cell(mm.max)})
     cells.push_back(cell);
   table.rows.push_back(std::move(cells));
 }
@@ -118,9 +119,10 @@ Table methods_table(const Study& study, const std::vector<StudyRun>& runs) {
   Table table = statistics_table("Methods", {"method"});
   for (const StudyMethod& method : study.methods)
     add_statistics({method.name}, starts_of(method.name, runs), study.success_mm, table);
-  table.note = success_text(study) +
-               " Intervals are percentiles of a bootstrap over cases, since starts of one case are "
-               "not independent.";
+  table.note =
+      success_text(study) +
+      " Intervals are percentiles of a bootstrap over subjects, since neither starts of one "
+      "case nor cases of one subject are independent.";
   return table;
 }
 
@@ -166,10 +168,10 @@ Table cases_table(const Study& study, const std::vector<StudyRun>& runs) {
 
 Table comparisons_table(const Study& study, const std::vector<StudyRun>& runs) {
   Table table;
-  table.title = "Methods compared case by case";
+  table.title = "Methods compared subject by subject";
   table.header = {"first",
                   "second",
-                  "cases",
+                  "subjects",
                   "TRE, second - first: mean (mm)",
                   "95 % interval (mm)",
                   "t",
@@ -178,7 +180,7 @@ Table comparisons_table(const Study& study, const std::vector<StudyRun>& runs) {
                   "95 % interval (%)",
                   "t",
                   "p"};
-  const auto count = [](const PairedTest& test) { return std::to_string(test.cases); };
+  const auto count = [](const PairedTest& test) { return std::to_string(test.subjects); };
   for (const MethodComparison& pair : compare_methods(runs, study.success_mm)) {
     const PairedTest& error = pair.error_mm;
     const PairedTest& success = pair.success;
@@ -190,8 +192,8 @@ Table comparisons_table(const Study& study, const std::vector<StudyRun>& runs) {
   }
   if (!table.rows.empty())
     table.note =
-        "Paired t-tests over cases, two-sided, and intervals of a bootstrap over cases. The TRE of "
-        "a case is the mean over the starts from "
+        "Paired t-tests over subjects, two-sided, and intervals of a bootstrap over subjects. The "
+        "TRE of a subject is the mean over the starts of its cases from "
         "which both methods were accepted. p is not corrected for the number of pairs.";
   return table;
 }

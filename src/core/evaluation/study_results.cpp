@@ -70,23 +70,28 @@ class LockedFile {
   bool ends_within_line() const {
     const off_t size = ::lseek(file_, 0, SEEK_END);
     char last = '\n';
-    if (size > 0 && ::pread(file_, &last, 1, size - 1) != 1) fail();
+    if (size > 0 && ::pread(file_, &last, 1, size - 1) != 1) fail_to_write();
     return last != '\n';
   }
   void append(const std::string& text) const {
     for (std::size_t begin = 0; begin < text.size();) {
       const ssize_t written = ::write(file_, text.data() + begin, text.size() - begin);
       if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) fail();
+      if (written <= 0) fail_to_write();
       begin += static_cast<std::size_t>(written);
     }
     // EINVAL: a file system that cannot be flushed.
-    if (::fdatasync(file_) != 0 && errno != EINVAL) fail();
+    if (::fdatasync(file_) != 0 && errno != EINVAL) fail_to_write();
   }
 
  private:
   [[noreturn]] void fail() const {
     throw InputError(path_.string(), std::string("cannot be written to: ") + std::strerror(errno));
+  }
+
+  /// As where a disk is full, which is no fault of the arguments.
+  [[noreturn]] void fail_to_write() const {
+    throw std::runtime_error(path_.string() + ": writing failed: " + std::strerror(errno));
   }
 
   fs::path path_;

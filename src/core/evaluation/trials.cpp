@@ -80,12 +80,28 @@ void require_each_once(const std::vector<T>& values, const std::string& source, 
                        list + "has '" + name_of(value) + "' twice, must have each at most once");
 }
 
-/// The other cases of its group, beginning with the next one.
+/// The strangers that are other subjects than a case.
+std::vector<std::size_t> strangers_to(const std::vector<StudyCase>& cases, std::size_t own) {
+  std::vector<std::size_t> strangers = strangers_of(cases);
+  strangers.erase(
+      std::remove_if(strangers.begin(), strangers.end(),
+                     [&](std::size_t i) { return cases[i].subject() == cases[own].subject(); }),
+      strangers.end());
+  if (strangers.empty())
+    throw InputError("strangers", "all are of the subject '" + cases[own].subject() + "' as '" +
+                                      cases[own].name +
+                                      "', must have another one there to be a stranger to it");
+  return strangers;
+}
+
+/// The other subjects of its group, beginning with the next one.
 std::vector<std::size_t> others_of_group(const std::vector<StudyCase>& cases, std::size_t own) {
   std::vector<std::size_t> others;
   for (std::size_t step = 1; step < cases.size(); ++step) {
     const std::size_t i = (own + step) % cases.size();
-    if (!cases[i].is_stranger && cases[i].group() == cases[own].group()) others.push_back(i);
+    if (!cases[i].is_stranger && cases[i].group() == cases[own].group() &&
+        cases[i].subject() != cases[own].subject())
+      others.push_back(i);
   }
   if (others.empty())
     throw InputError("cases", "'" + cases[own].name +
@@ -109,7 +125,7 @@ class Planner {
     if (kind == TrialKind::kMismatched) {
       ct_cases_ = others_of_group(cases, own);
     } else if (kind == TrialKind::kStranger) {
-      ct_cases_ = strangers_of(cases);
+      ct_cases_ = strangers_to(cases, own);
       const auto first = static_cast<std::ptrdiff_t>(seed_ % ct_cases_.size());
       std::rotate(ct_cases_.begin(), ct_cases_.begin() + first, ct_cases_.end());
     }

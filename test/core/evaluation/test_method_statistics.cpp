@@ -38,7 +38,7 @@ TEST(Quantile, IsThatOfNumpy) {
 // is that of scipy.stats.bootstrap(method="percentile") with 400,000 draws.
 TEST(PairedTest, IsThatOfStudentsSleepData) {
   const PairedTest test = paired_test(kSleep);
-  EXPECT_EQ(test.cases, 10U);
+  EXPECT_EQ(test.subjects, 10U);
   EXPECT_NEAR(test.mean, 1.58, 1e-12);
   EXPECT_NEAR(test.t, 4.062127683382037, 1e-12);
   EXPECT_NEAR(test.p, 0.00283289019738427, 1e-12);
@@ -56,33 +56,33 @@ TEST(PairedTest, TellsOnlyWhatItsValuesAllow) {
   EXPECT_EQ(paired_test({1.5, 1.5}).bootstrap.high, 1.5);
 }
 
-// If all runs of a case succeed or all fail, the number of cases that succeed in a draw is
+// If all runs of a subject succeed or all fail, the number of those that succeed in a draw is
 // binomial, whatever the number of starts: with 9 of 12 cases, the quantiles of B(12, 3/4) at 2.5
 // and 97.5 % are 6 and 12 (scipy.stats.binom.ppf).
-TEST(BootstrapOverCases, IsBinomialWhereStartsOfACaseAgree) {
+TEST(BootstrapOverSubjects, IsBinomialWhereStartsOfASubjectAgree) {
   for (const std::size_t starts : {1U, 50U}) {
-    std::vector<CaseValues> cases;
+    std::vector<SubjectValues> subjects;
     for (int i = 0; i < 12; ++i)
-      cases.push_back({i < 9 ? static_cast<double>(starts) : 0.0, starts});
-    const Interval interval = bootstrap_over_cases(cases);
+      subjects.push_back({i < 9 ? static_cast<double>(starts) : 0.0, starts});
+    const Interval interval = bootstrap_over_subjects(subjects);
     EXPECT_DOUBLE_EQ(interval.low, 6.0 / 12.0);
     EXPECT_DOUBLE_EQ(interval.high, 1.0);
   }
 }
 
 // Cases of different sizes: the quantiles over all 4^4 draws, enumerated with numpy.
-TEST(BootstrapOverCases, WeighsCasesByTheirRuns) {
-  const Interval interval = bootstrap_over_cases({{3.0, 1}, {10.0, 4}, {1.0, 2}, {6.0, 3}});
+TEST(BootstrapOverSubjects, WeighsSubjectsByTheirRuns) {
+  const Interval interval = bootstrap_over_subjects({{3.0, 1}, {10.0, 4}, {1.0, 2}, {6.0, 3}});
   EXPECT_DOUBLE_EQ(interval.low, 1.0);
   EXPECT_DOUBLE_EQ(interval.high, 2.6);
 }
 
-TEST(BootstrapOverCases, LeavesOutDrawsWithoutValues) {
-  const Interval interval = bootstrap_over_cases({{8.0, 2}, {0.0, 0}});
+TEST(BootstrapOverSubjects, LeavesOutDrawsWithoutValues) {
+  const Interval interval = bootstrap_over_subjects({{8.0, 2}, {0.0, 0}});
   EXPECT_DOUBLE_EQ(interval.low, 4.0);
   EXPECT_DOUBLE_EQ(interval.high, 4.0);
-  EXPECT_TRUE(std::isnan(bootstrap_over_cases({{8.0, 2}}).low));
-  EXPECT_TRUE(std::isnan(bootstrap_over_cases({{0.0, 0}, {0.0, 0}}).low));
+  EXPECT_TRUE(std::isnan(bootstrap_over_subjects({{8.0, 2}}).low));
+  EXPECT_TRUE(std::isnan(bootstrap_over_subjects({{0.0, 0}, {0.0, 0}}).low));
 }
 
 // Case a: errors 1, 2 and refused; case b: 4 and 12. Four of five are accepted, three below 5 mm.
@@ -110,10 +110,31 @@ TEST(RunStatistics, AreOfAllRunsAndOfTheAcceptedOnes) {
   EXPECT_EQ(statistics_of(pointers, 15.0).succeeded, 4U);
 }
 
+// Starts of one case are not independent, and neither are cases with the same kidney.
+TEST(RunStatistics, CountsCasesOfOneSubjectOnce) {
+  std::vector<StudyRun> runs;
+  for (const char* name : {"agar_1", "patient_1", "agar_2", "patient_2"})
+    runs.push_back(run_of("m", name, 0, name[std::string(name).size() - 1] == '1' ? 1.0 : 9.0));
+  std::vector<const StudyRun*> pointers;
+  for (const StudyRun& run : runs) pointers.push_back(&run);
+  const RunStatistics statistics = statistics_of(pointers, 5.0);
+  EXPECT_EQ(statistics.cases, 4U);
+  EXPECT_EQ(statistics.subjects, 2U);
+  // Of two subjects a draw has one, both or the other; of four cases hardly any would have one.
+  EXPECT_DOUBLE_EQ(statistics.success_interval.low, 0.0);
+  EXPECT_DOUBLE_EQ(statistics.success_interval.high, 1.0);
+  std::vector<StudyRun> pairs = runs;
+  for (StudyRun& run : runs) {
+    run.method = "n";
+    pairs.push_back(run);
+  }
+  EXPECT_EQ(compare_methods(pairs, 5.0).at(0).success.subjects, 2U);
+}
+
 // The patients of the sleep data as cases, with two starts each: the second method is worse by the
 // sleep difference on average, and by 1 mm more or less at either start. A start from which one
 // method was refused counts for success alone.
-TEST(CompareMethods, PairsStartsAndTestsCases) {
+TEST(CompareMethods, PairsStartsAndTestsSubjects) {
   std::vector<StudyRun> runs;
   for (std::size_t i = 0; i < kSleep.size(); ++i) {
     const std::string name = "case_" + std::to_string(i);
@@ -128,7 +149,7 @@ TEST(CompareMethods, PairsStartsAndTestsCases) {
   ASSERT_EQ(comparisons.size(), 1U);
   EXPECT_EQ(comparisons[0].first, "first");
   EXPECT_EQ(comparisons[0].second, "second");
-  EXPECT_EQ(comparisons[0].error_mm.cases, 10U);
+  EXPECT_EQ(comparisons[0].error_mm.subjects, 10U);
   EXPECT_NEAR(comparisons[0].error_mm.t, 4.062127683382037, 1e-9);
   EXPECT_NEAR(comparisons[0].success.mean, -1.0 / 3.0, 1e-12);
 }
@@ -149,12 +170,13 @@ TEST(MethodTables, TellMethodsBinsAndPairs) {
   };
   expect_row(
       methods_table(study, runs),
-      "| m | 2 | 4 | 0 | 100.0 | 100.0 to 100.0 | 1.50 | 1.50 to 1.50 | 1.50 | 2.00 | 2.00 |");
+      "| m | 2 | 2 | 4 | 0 | 100.0 | 100.0 to 100.0 | 1.50 | 1.50 to 1.50 | 1.50 | 2.00 | 2.00 |");
+  expect_row(
+      bins_table(study, runs),
+      "| m | 10-20 mm | 2 | 2 | 2 | 0 | 100.0 | 100.0 to 100.0 | 2.00 | 2.00 to 2.00 | 2.00 |");
   expect_row(bins_table(study, runs),
-             "| m | 10-20 mm | 2 | 2 | 0 | 100.0 | 100.0 to 100.0 | 2.00 | 2.00 to 2.00 | 2.00 |");
-  expect_row(bins_table(study, runs),
-             "| n | 10-20 mm | 2 | 2 | 2 | 0.0 | 0.0 to 0.0 | - | - | - |");
-  expect_row(groups_table(study, runs), "| n | g | 2 | 4 | 2 | 50.0 |");
+             "| n | 10-20 mm | 2 | 2 | 2 | 2 | 0.0 | 0.0 to 0.0 | - | - | - |");
+  expect_row(groups_table(study, runs), "| n | g | 2 | 2 | 4 | 2 | 50.0 |");
   expect_row(cases_table(study, runs), "| m | b | 2 | 0 | 100.0 | 1.50 | 0.71 | 1.50 | 2.00 |");
   expect_row(comparisons_table(study, runs),
              "| m | n | 2 (TRE: 2) | 1.000 | 1.000 to 1.000 | - | - | -50.0 | -50.0 to -50.0 |");

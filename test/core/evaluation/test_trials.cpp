@@ -80,7 +80,7 @@ TEST(PlanTrials, StartsFromABoxStayInIt) {
 
 TEST(PlanTrials, ACaseHasStartsOfEveryKind) {
   std::vector<StudyCase> cases = small_cases();
-  cases.push_back(small_stranger("s_1", 6));
+  cases.push_back(small_stranger("s_6", 6));
   StudyOptions options;
   options.starts = 3;
   options.kinds = negative_kinds();
@@ -144,6 +144,16 @@ TEST(PlanTrials, StrangersComeInTurnWithTheirKidneyInPlace) {
               (std::set<std::size_t>{5, 6, 7}));
     EXPECT_EQ(others[0], others[3]);
   }
+}
+
+/// Of the phantoms of one seed in two groups the kidney is the same one.
+TEST(PlanTrials, NoCaseOfTheSameSubjectIsAWrongOne) {
+  std::vector<StudyCase> cases{small_case("a_1", 1), small_stranger("s_1", 6),
+                               small_stranger("s_2", 7)};
+  for (const Trial& trial : trials_of(cases, TrialKind::kStranger)) EXPECT_EQ(trial.ct_case, 2U);
+  cases.pop_back();
+  expect_input_error([&] { trials_of(cases, TrialKind::kStranger); },
+                     {"strangers", "all are of the subject '1' as 'a_1'"});
 }
 
 TEST(PlanTrials, ImagesOfNegativesAreWhatTheySay) {
