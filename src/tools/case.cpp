@@ -1,5 +1,7 @@
+#include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "commands.h"
 #include "exit_status.h"
@@ -54,25 +56,32 @@ std::pair<Points, Points> read_landmarks(const CaseCommand& command, const Study
   return points;
 }
 
-void print(const FiducialStandard& standard) {
-  std::printf("truth from %zu landmarks: FRE %.2f mm, FLE %.2f mm, expected error %.2f mm\n",
-              standard.fiducials.size(), standard.fre_mm, standard.fle_mm,
-              standard.predicted_tre_mm(standard.centroid_us_mm));
+/// How exact the truth is where errors will be measured.
+void print(const FiducialStandard& standard, const Points& targets_us_mm) {
+  double squares = 0.0;
+  for (const Eigen::Vector3d& target : targets_us_mm)
+    squares += std::pow(standard.predicted_tre_mm(target), 2.0) /
+               static_cast<double>(targets_us_mm.size());
+  std::printf(
+      "truth from %zu landmarks: FRE %.2f mm, FLE %.2f mm, expected error at the %zu targets %.2f "
+      "mm (RMS)\n",
+      standard.fiducials.size(), standard.fre_mm, standard.fle_mm, targets_us_mm.size(),
+      std::sqrt(squares));
 }
 
-/// Sets truth and targets; returns whether positions of the targets in the CT are known.
-bool set_truth(const CaseCommand& command, StudyCase& made) {
-  if (command.landmarks.empty()) {
-    made.T_us_ct_true = read_T_us_ct(command.truth);
-  } else {
-    std::tie(made.targets_ct_mm, made.targets_us_mm) = read_landmarks(command, made);
-    const FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm,
-                                                        command.landmarks[1], command.landmarks[0]);
-    made.T_us_ct_true = standard.T_us_ct;
-    print(standard);
-    warn_of_landmarks({command.landmarks[0], made.targets_ct_mm},
-                      {command.landmarks[1], made.targets_us_mm}, standard.fre_mm);
-  }
+/// Sets the truth by landmarks, which are the targets unless others are given.
+FiducialStandard set_truth_by_landmarks(const CaseCommand& command, StudyCase& made) {
+  std::tie(made.targets_ct_mm, made.targets_us_mm) = read_landmarks(command, made);
+  FiducialStandard standard = fiducial_standard(made.targets_us_mm, made.targets_ct_mm,
+                                                command.landmarks[1], command.landmarks[0]);
+  made.T_us_ct_true = standard.T_us_ct;
+  warn_of_landmarks({command.landmarks[0], made.targets_ct_mm},
+                    {command.landmarks[1], made.targets_us_mm}, standard.fre_mm);
+  return standard;
+}
+
+/// Sets targets that are no landmarks; returns whether their positions in the CT are known.
+bool set_targets(const CaseCommand& command, StudyCase& made) {
   if (command.targets.empty()) return true;
   made.targets_us_mm = read_points_mm(command.targets);
   const bool in_ct = !command.targets_ct.empty();
@@ -97,7 +106,13 @@ int run_case(const CaseCommand& command) {
   StudyCase made;
   made.ct = read_ct_with_warnings(command.ct, command.dicom);
   made.ultrasound = read_beams(command);
-  const bool with_targets_ct = set_truth(command, made);
+  std::optional<FiducialStandard> standard;
+  if (command.landmarks.empty())
+    made.T_us_ct_true = read_T_us_ct(command.truth);
+  else
+    standard = set_truth_by_landmarks(command, made);
+  const bool with_targets_ct = set_targets(command, made);
+  if (standard) print(*standard, made.targets_us_mm);
   write_study_case(made, command.output, with_targets_ct);
   std::printf("%s\n", command.output.c_str());
   return kDone;

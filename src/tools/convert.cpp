@@ -87,6 +87,7 @@ std::string type_of_scaled(const Volume<float>& volume) {
 /// Converts in the type of voxel that the file stores, or the closest one that can be written.
 void convert_volume_file(const ConvertOptions& options) {
   const VolumeInfo info = read_volume_info(options.input);
+  print_warnings(info.warnings);
   const bool is_scaled = info.scale != 1.0 || info.offset != 0.0;
   const std::string component =
       is_scaled ? type_of_scaled(read_volume<float>(options.input)) : info.component;

@@ -29,31 +29,41 @@ struct GoldCommand {
   double fle_mm = 1.0;
 };
 
-/// The fiducials of ultrasound and CT, pair by pair.
-std::pair<Points, Points> paired_fiducials(const GoldCommand& command) {
+/// Fiducials of ultrasound and CT, pair by pair, and which points of their files they are, from 0.
+struct PairedFiducials {
+  Points us_mm;
+  Points ct_mm;
+  std::vector<std::pair<std::size_t, std::size_t>> rows;
+};
+
+PairedFiducials paired_fiducials(const GoldCommand& command) {
   std::pair<Points, Points> points{read_points_mm(command.us), read_points_mm(command.ct)};
-  if (!command.match) return points;
+  PairedFiducials paired{points.first, points.second, {}};
+  for (std::size_t i = 0; i < paired.us_mm.size(); ++i) paired.rows.emplace_back(i, i);
+  if (!command.match) return paired;
   const FiducialMatching matching =
       match_fiducials(points.first, points.second, command.fle_mm, command.us + ", " + command.ct);
-  std::printf("ultrasound | CT (numbers of the points in their files)\n");
-  for (const auto& [us, ct] : matching.fitting[0].pairs)
-    std::printf("%10zu | %zu\n", us + 1, ct + 1);
   if (matching.ambiguous())
     std::fprintf(stderr,
                  "usct: warning: %zu pairings fit a localization error of %g mm (FRE %.3f mm, the "
                  "second %.3f mm): the order of the fiducials is ambiguous\n",
                  matching.fitting.size(), command.fle_mm, matching.fitting[0].fre_mm,
                  matching.fitting[1].fre_mm);
-  return matched_points(matching.fitting[0], points.first, points.second);
+  std::tie(paired.us_mm, paired.ct_mm) =
+      matched_points(matching.fitting[0], points.first, points.second);
+  paired.rows.assign(matching.fitting[0].pairs.begin(), matching.fitting[0].pairs.end());
+  return paired;
 }
 
 int run_fiducials(const GoldCommand& command) {
-  const auto [us, ct] = paired_fiducials(command);
-  const FiducialStandard standard = fiducial_standard(us, ct, command.us, command.ct);
-  std::printf("fiducial | residual mm | left out mm\n");
+  const PairedFiducials paired = paired_fiducials(command);
+  const FiducialStandard standard =
+      fiducial_standard(paired.us_mm, paired.ct_mm, command.us, command.ct);
+  std::printf("point of ultrasound | point of CT | residual mm | left out mm\n");
   for (std::size_t i = 0; i < standard.fiducials.size(); ++i) {
     const FiducialResidual& one = standard.fiducials[i];
-    std::printf("%8zu | %11.3f | ", i + 1, one.residual_mm);
+    std::printf("%19zu | %11zu | %11.3f | ", paired.rows[i].first + 1, paired.rows[i].second + 1,
+                one.residual_mm);
     one.left_out_mm ? std::printf("%11.3f\n", *one.left_out_mm) : std::printf("%11s\n", "-");
   }
   std::printf("FRE %.3f mm, FLE %.3f mm (RMS, from %zu fiducials)\n", standard.fre_mm,

@@ -35,11 +35,11 @@ double turn_rad(const IcpResult& a, const IcpResult& b) {
   return Eigen::AngleAxisd(a.T_us_ct.linear().transpose() * b.T_us_ct.linear()).angle();
 }
 
-/// The results that are others than those with a smaller distance, best first.
+/// The results that are others than better ones, best first.
 std::vector<IcpResult> distinct(std::vector<IcpResult> results) {
   constexpr double kSameRad = 20.0 * kDegree;
   std::sort(results.begin(), results.end(), [](const IcpResult& a, const IcpResult& b) {
-    return a.plane_distance_mm < b.plane_distance_mm;
+    return a.capped_distance_mm < b.capped_distance_mm;
   });
   std::vector<IcpResult> kept;
   for (const IcpResult& result : results)
@@ -74,8 +74,8 @@ std::vector<IcpResult> results_of(const GoldIcpCommand& command, const Points& u
 double distinction(const std::vector<IcpResult>& results) {
   constexpr double kExactMm = 0.1;
   if (results.size() < 2) return std::numeric_limits<double>::infinity();
-  return std::max(results[1].plane_distance_mm, kExactMm) /
-         std::max(results[0].plane_distance_mm, kExactMm);
+  return std::max(results[1].capped_distance_mm, kExactMm) /
+         std::max(results[0].capped_distance_mm, kExactMm);
 }
 
 void warn_of_motion(const IcpResult& best) {
@@ -94,11 +94,13 @@ int run_gold_icp(const GoldIcpCommand& command) {
   const Points ct = read_points_mm(command.ct);
   const std::vector<IcpResult> results = results_of(command, us, ct);
   std::printf(
-      "alignment | from the surface mm | from the points mm | pairs | iterations | turned\n");
+      "alignment | all points mm | pairs from the surface mm | from the points mm | pairs | "
+      "iterations | turned\n");
   for (std::size_t i = 0; i < results.size(); ++i)
-    std::printf("%9zu | %19.3f | %18.3f | %5d | %10d | %.0f degrees\n", i + 1,
-                results[i].plane_distance_mm, results[i].distance_mm, results[i].pairs,
-                results[i].iterations, turn_rad(results[0], results[i]) / kDegree);
+    std::printf("%9zu | %13.3f | %25.3f | %18.3f | %5d | %10d | %.0f degrees\n", i + 1,
+                results[i].capped_distance_mm, results[i].plane_distance_mm, results[i].distance_mm,
+                results[i].pairs, results[i].iterations,
+                turn_rad(results[0], results[i]) / kDegree);
   const IcpResult& best = results[0];
   std::printf("predicted error of the surface from independent errors of its points: %.3f mm\n",
               best.predicted_error_mm);

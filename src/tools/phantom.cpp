@@ -23,6 +23,7 @@ struct PhantomCommand {
   std::string output;
   std::string ct_format = "nrrd";
   std::string ct;
+  DicomReadOptions dicom;
   std::string labels;
   std::vector<std::string> tissues;
   std::vector<double> kidney_centre_mm;
@@ -113,7 +114,7 @@ void complete(PhantomCommand& command) {
 
 phantom::PhantomCase make(const PhantomCommand& command, const Progress& progress) {
   if (command.ct.empty()) return phantom::make_phantom(command.knobs, progress);
-  const CtVolume ct = read_ct_with_warnings(command.ct);
+  const CtVolume ct = read_ct_with_warnings(command.ct, command.dicom);
   const LabelVolume labels =
       command.labels.empty() ? LabelVolume{} : read_volume<std::uint16_t>(command.labels);
   return phantom::make_phantom_from_ct(ct, labels, command.knobs, progress);
@@ -170,6 +171,7 @@ void add_from_ct_options(CLI::App& app, PhantomCommand& command) {
   phantom::FromCtOptions& o = command.knobs.from_ct;
   CLI::Option* ct = group->add_option("--ct", command.ct,
                                       "the CT that becomes the anatomy: file or DICOM folder");
+  all_need(ct, *add_dicom_options(app, command.dicom));
   group->add_option("--labels", command.labels, "label map: volume, any grid");
   group->add_option("--label", command.tissues,
                     "tissue of a label, LABEL=TISSUE; cortex stands for a whole kidney");

@@ -20,6 +20,7 @@ namespace {
 
 struct SimulateCommand {
   std::string ct;
+  DicomReadOptions dicom;
   std::string us;
   BeamCommandOptions ultrasound;
   std::string transform;
@@ -106,7 +107,7 @@ int run_simulate(SimulateCommand command) {
     throw InputError("--frame", "is " + std::to_string(command.frame) + ", must be < " +
                                     std::to_string(frames) + " (frames)");
   if (command.frame < 0) command.frame = frames / 2;
-  const CtVolume ct = read_ct_with_warnings(command.ct);
+  const CtVolume ct = read_ct_with_warnings(command.ct, command.dicom);
   const Eigen::Isometry3d T_us_ct =
       command.transform.empty() ? Eigen::Isometry3d::Identity() : read_T_us_ct(command.transform);
   require_new_folder(command.output);
@@ -184,10 +185,15 @@ void add_conditioning_options(CLI::App& app, SimulateCommand& command) {
           std::map<std::string, Normalisation>{{"brightness", Normalisation::kNone},
                                                {"flattened", Normalisation::kFlatten},
                                                {"z-score", Normalisation::kZScore}}));
-  group->add_option("--depth", command.depth_mm, "depths that count, mm [found]")->expected(2);
-  group->add_flag("--no-auto-depth", command.no_auto_depth, "all depths count unless --depth says");
-  group->add_flag("--use-all", command.use_all,
-                  "near field, shadows and all else that is left out counts as well (the thesis)");
+  CLI::Option* depth =
+      group->add_option("--depth", command.depth_mm, "depths that count, mm [found]")->expected(2);
+  CLI::Option* all_depths = group->add_flag("--no-auto-depth", command.no_auto_depth,
+                                            "all depths count unless --depth says");
+  group
+      ->add_flag("--use-all", command.use_all,
+                 "near field, shadows and all else that is left out counts as well (the thesis)")
+      ->excludes(depth)
+      ->excludes(all_depths);
   group->add_option("--smoothing", o.smoothing_mm, "Gaussian against speckle, mm")
       ->capture_default_str();
   group->add_option("--normalisation-window", o.window_mm, "Gaussian of the local mean, mm")
@@ -218,6 +224,7 @@ void add_simulate_command(CLI::App& app, Run& run) {
       ->capture_default_str();
   add_simulation_options(*sub, *command);
   add_conditioning_options(*sub, *command);
+  add_dicom_options(*sub, command->dicom);
   command->ultrasound.add_to(*sub);
   sub->add_flag("--quiet", command->quiet, "no progress on standard error");
   sub->callback([command, &run] { run = [command] { return run_simulate(*command); }; });

@@ -24,6 +24,7 @@ struct SlicesOptions {
   std::string us;
   UltrasoundOptions ultrasound;
   std::string ct;
+  DicomReadOptions dicom;
   std::string transform;
   std::string result;
   std::string output;
@@ -86,7 +87,7 @@ int run_slices(const SlicesOptions& options) {
   const Ultrasound read = read_ultrasound_with_warnings(options.ultrasound.source(options.us));
   const ScanConverted us = in_space(read, options.pixel_mm, options.ultrasound.compounding(read),
                                     progress_bar("scan conversion", options.quiet));
-  const CtVolume ct = read_ct_with_warnings(options.ct);
+  const CtVolume ct = read_ct_with_warnings(options.ct, options.dicom);
   std::vector<Eigen::Vector3d> points_us_mm;
   if (!options.points.empty()) points_us_mm = read_points_mm(options.points);
 
@@ -117,6 +118,7 @@ void add_slices_command(CLI::App& app, Run& run) {
       ->required();
   command->add_option("--ct", options->ct, "DICOM folder or file, NRRD, MetaImage or NIfTI")
       ->required();
+  add_dicom_options(*command, options->dicom);
   CLI::Option* transform =
       command->add_option("--transform", options->transform,
                           "ITK transform from US to CT points, mm, LPS (identity if not given)");

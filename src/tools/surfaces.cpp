@@ -19,6 +19,7 @@ struct SurfacesCommand {
   std::string labels;
   std::string label_table;
   std::string ct;
+  DicomReadOptions dicom;
   double hu = 200.0;
   std::string output;
   std::size_t triangles = 20000;
@@ -71,7 +72,7 @@ void write_labels(const SurfacesCommand& command) {
 
 void write_ct(const SurfacesCommand& command) {
   const Surface surface =
-      iso_surface(read_ct_with_warnings(command.ct), command.hu, command.triangles);
+      iso_surface(read_ct_with_warnings(command.ct, command.dicom), command.hu, command.triangles);
   if (surface.triangles.empty())
     throw InputError(
         "--hu", formatted("is %g, which no voxel of '%s' reaches", command.hu, command.ct.c_str()));
@@ -105,6 +106,7 @@ void add_surfaces_command(CLI::App& app, Run& run) {
               "--ct", options->ct,
               "CT, in place of a label map: DICOM folder or file, NRRD, MetaImage or NIfTI")
           ->excludes(labels);
+  all_need(ct, *add_dicom_options(*command, options->dicom));
   command
       ->add_option("--label-table", options->label_table,
                    "YAML file with names and colours of the labels")

@@ -41,6 +41,11 @@ struct IcpResult {
   int pairs = 0;
   double distance_mm = 0.0;
   double plane_distance_mm = 0.0;
+  /// The distance of all points of the ultrasound from the nearest ones of the CT, root mean
+  /// square, mm, where a farther one counts as IcpOptions::largest_distance_mm. Of two alignments
+  /// the better one has less: the pairs that an alignment leaves out are those that speak against
+  /// it.
+  double capped_distance_mm = 0.0;
   /// Root mean square displacement of the surface's points that independent errors of the points
   /// of the observed `plane_distance_mm` predict, mm. Errors that neighbouring points share, as
   /// those of a segmentation do, make it too small.

@@ -144,6 +144,15 @@ std::vector<Pair> pairs_of(const Points& us_mm, const Isometry3d& T_ct_us, const
   return pairs;
 }
 
+double capped_distance_mm(const Points& us_mm, const Isometry3d& T_ct_us,
+                          const NearestPoints& nearest, double largest_mm) {
+  double squares = 0.0;
+  for (const Vector3d& p_us : us_mm)
+    squares +=
+        std::min(nearest.nearest(T_ct_us * p_us).square_distance_mm2, largest_mm * largest_mm);
+  return std::sqrt(squares / static_cast<double>(us_mm.size()));
+}
+
 void judge(const Equations& equations, const std::vector<Pair>& pairs, double normal_variance,
            IcpResult& result) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(equations.information);
@@ -215,6 +224,8 @@ IcpResult icp(const Points& surface_us_mm, const Points& surface_ct_mm,
     if (result.converged || result.iterations == options.largest_iterations) {
       result.T_us_ct = T_ct_us.inverse();
       judge(equations, pairs, ct.variance, result);
+      result.capped_distance_mm =
+          capped_distance_mm(surface_us_mm, T_ct_us, nearest, options.largest_distance_mm);
       return result;
     }
     const Vector6d step = equations.step();

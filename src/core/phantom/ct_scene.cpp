@@ -122,7 +122,12 @@ void validate_input(const CtVolume& ct, const LabelVolume& labels, const FromCtO
     throw InputError(kFromCt, "needs either 'kidney_label' or 'kidney_centre_mm'");
   if (!from_ct.tissue_of_label.empty() && labels.voxels.empty())
     throw InputError(kFromCt, "'tissue_of_label' is set, but there is no label map");
-  if (!from_ct.kidney_label) return;
+  if (!from_ct.kidney_label) {
+    if (from_ct.tissue_of_label.empty() && !labels.voxels.empty())
+      throw InputError(kFromCt,
+                       "a label map is given, but 'tissue_of_label' is empty: none of it counts");
+    return;
+  }
   const auto found = from_ct.tissue_of_label.find(*from_ct.kidney_label);
   if (found == from_ct.tissue_of_label.end() || found->second != Tissue::kCortex)
     throw InputError(kFromCt, "'tissue_of_label' of the kidney's label " +

@@ -98,6 +98,23 @@ TEST(Icp, PartsThatTheCtDoesNotShowAreTrimmed) {
   EXPECT_LT(rms_displacement_mm(partial.T_us_ct, T, ct), 1e-4);
 }
 
+/// What an alignment leaves out speaks against it: half of a kidney that lies the wrong way round
+/// may have smaller distances than the right alignment with all of it.
+TEST(Icp, TellsTheDistanceOfAllPointsFromWhichPairsAreLeftOut) {
+  const Points ct = bumpy_ellipsoid(1500);
+  IcpOptions options;
+  options.overlap = 0.5;
+  options.largest_distance_mm = 4.0;
+  options.largest_iterations = 1;
+  const IcpResult right = icp(ct, ct, Isometry3d::Identity(), options);
+  EXPECT_NEAR(right.capped_distance_mm, 0.0, 1e-9);
+  Points with_far = ct;
+  for (Vector3d p : ct) with_far.push_back(p + Vector3d(0, 0, 500));
+  const IcpResult half = icp(with_far, ct, Isometry3d::Identity(), options);
+  EXPECT_NEAR(half.distance_mm, 0.0, 1e-6);
+  EXPECT_NEAR(half.capped_distance_mm, 4.0 / std::sqrt(2.0), 1e-6);
+}
+
 TEST(Icp, AMotionThatTheSurfacesLeaveOpenIsNamed) {
   const Isometry3d start = motion({0, 1, 0}, 10.0, {1, 1, 1});
   for (const double noise_mm : {0.0, 0.3}) {

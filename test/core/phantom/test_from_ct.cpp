@@ -189,6 +189,7 @@ TEST(FromCt, SaysWhatIsMissing) {
   usct::test::expect_input_error(make(from_ct, input.labels), {"label 9"});
   FromCtOptions point;
   point.kidney_centre_mm = Vector3d(9999, 0, 0);
+  usct::test::expect_input_error(make(point, input.labels), {"label map", "none of it counts"});
   usct::test::expect_input_error(make(point, {}), {"outside the CT"});
   PhantomOptions options;
   options.scene = SceneKind::kFromCt;

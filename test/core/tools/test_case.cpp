@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "core/tools/run_usct.h"
@@ -56,6 +57,27 @@ class Case : public testing::Test {
   static TemporaryFolder* folder_;
 };
 TemporaryFolder* Case::folder_ = nullptr;
+
+/// Of N landmarks, at which TRE^2 is FLE^2 2 / N on average (Fitzpatrick et al. 1998).
+TEST_F(Case, TheErrorOfTheTruthIsThatAtTheTargets) {
+  std::vector<Eigen::Vector3d> moved = read_points_mm(path("us.csv"));
+  for (std::size_t i = 0; i < moved.size(); ++i)
+    moved[i][static_cast<int>(i % 3)] += i % 2 ? 2 : -2;
+  write_points_mm(moved, path("moved.csv"));
+  const Outcome outcome = make("own_moved", {"--landmarks", path("ct.csv"), path("moved.csv")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.errors;
+  double fre_mm = 0.0, fle_mm = 0.0, expected_mm = 0.0;
+  int landmarks = 0, targets = 0;
+  ASSERT_EQ(std::sscanf(outcome.output.c_str(),
+                        "truth from %d landmarks: FRE %lf mm, FLE %lf mm, expected error at the %d "
+                        "targets %lf mm",
+                        &landmarks, &fre_mm, &fle_mm, &targets, &expected_mm),
+            5)
+      << outcome.output;
+  EXPECT_EQ(landmarks, targets);
+  EXPECT_GT(fle_mm, 1.0);
+  EXPECT_NEAR(expected_mm, fle_mm * std::sqrt(2.0 / landmarks), 0.01);
+}
 
 TEST_F(Case, LandmarksGiveTruthAndTargetsOfAStudy) {
   const Outcome outcome = make("own_1", {"--landmarks", path("ct.csv"), path("us.csv")});

@@ -128,14 +128,12 @@ TEST_F(Register, QuestionsTargetsOfAnotherFrameOrUnit) {
 
 TEST_F(Register, PrintsTheAcquisitionErrorsThatItEstimated) {
   std::ofstream(path("errors.yaml"))
-      << "preset: phantom\nsearch: {starts: {count: 64, rotation_deg: 10, translation_mm: 10}}\n"
-         "refinement: {depth_error: 0.02}\n";
+      << "preset: phantom\nsearch: {starts: {count: 64, rotation_deg: 10, translation_mm: 10}}\n";
   const Outcome outcome =
       run({"--initial", path("initial.tfm"), "--options", path("errors.yaml"), "--quiet"});
   EXPECT_NE(outcome.exit_status, 2) << outcome.errors;
   const Measures measures = read_result(path("result.json")).measures;
   ASSERT_TRUE(measures.depth_error && measures.sweep_error);
-  EXPECT_LE(std::abs(*measures.depth_error), 0.02);
   for (const auto& [name, error] :
        {std::pair{"depth", *measures.depth_error}, std::pair{"sweep", *measures.sweep_error}}) {
     char line[64];
