@@ -32,7 +32,7 @@ install_dependencies() {
 build() {
   say "configuring (log: build/configure.log)"
   mkdir -p "$project/build"
-  cmake -S "$project" -B "$project/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DUSCT_BENCHMARKS=ON \
+  cmake -S "$project" -B "$project/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DUSCT_BENCHMARKS=ON -DUSCT_CORE_ONLY=OFF \
     -DUSCT_UNITS="$project/build/units" \
     > "$project/build/configure.log" 2>&1 || { cat "$project/build/configure.log"; exit 1; }
   say "building: $*"

@@ -76,10 +76,6 @@ struct RefinementOptions : ClimbOptions {
   /// The CT is prepared anew around the best optimum, with this margin, mm (or the reach, if that
   /// is less).
   double ct_margin_mm = 10.0;
-  /// Greatest size of each of the AcquisitionErrors that are estimated along with the pose, [0,
-  /// 0.2]; 0: not estimated. An error that the similarity cannot follow is refused.
-  double depth_error = 0.0;
-  double sweep_error = 0.0;
 
   void validate(const std::string& source) const;
 };

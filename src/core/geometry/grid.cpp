@@ -72,6 +72,10 @@ Grid grid_around_box(const Eigen::Vector3d& min_mm, const Eigen::Vector3d& max_m
   if (steps.maxCoeff() > 1e5)
     throw InputError("grid", "box of " + text(extent) + " mm at " + std::to_string(spacing_mm) +
                                  " mm needs more than 100000 voxels along an axis");
+  if (const double voxels = (steps.array() + 1.0).prod(); voxels > 1e9)
+    throw InputError("grid", "box of " + text(extent) + " mm at " + std::to_string(spacing_mm) +
+                                 " mm needs " + std::to_string(voxels) +
+                                 " voxels, must be at most 1e9");
   Grid grid;
   grid.size = steps.cast<int>() + Eigen::Vector3i::Ones();
   grid.spacing_mm.setConstant(spacing_mm);

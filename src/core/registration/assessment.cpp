@@ -77,10 +77,6 @@ void Assessor::measure_pose(const Candidate& optimum, const Candidate& refined,
   measures.overlap = refined.overlap;
   measures.displacement_mm = field.distance_mm(refined.T_us_ct, in_.T_us_ct_initial);
   measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optimum.T_us_ct);
-  if (const std::optional<RefinementOptions>& refinement = in_.options.refinement) {
-    if (refinement->depth_error > 0.0) measures.depth_error = refined.errors.depth;
-    if (refinement->sweep_error > 0.0) measures.sweep_error = refined.errors.sweep;
-  }
 }
 
 Outcome<Assessment> Assessor::assess(Assessment compared, const std::vector<Candidate>& optima,

@@ -7,12 +7,14 @@
 namespace usct::registration {
 namespace {
 
-/// The starts of `patient`, or those of the options if they reach farther.
+/// The starts of `patient`, and as far as those of the options where they reach farther.
 StartOptions farther(const StartOptions& of_patient, const std::optional<StartOptions>& own) {
   if (!own || (own->rotation_rad <= of_patient.rotation_rad &&
                own->translation_mm <= of_patient.translation_mm))
     return of_patient;
   StartOptions starts = *own;
+  starts.rotation_rad = std::max(starts.rotation_rad, of_patient.rotation_rad);
+  starts.translation_mm = std::max(starts.translation_mm, of_patient.translation_mm);
   starts.count = std::max(starts.count, of_patient.count);
   return starts;
 }

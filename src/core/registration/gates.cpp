@@ -30,7 +30,14 @@ const std::vector<Gate>& gates() {
   return all;
 }
 
-std::string number(double value) { return formatted("%.3g", value); }
+/// A value and its limit, with as many digits as tell one from the other.
+std::pair<std::string, std::string> numbers(double value, double limit) {
+  constexpr int kMostDigits = 17;
+  for (int digits = 3;; ++digits) {
+    const auto text = [&](double number) { return formatted("%.*g", digits, number); };
+    if (text(value) != text(limit) || digits == kMostDigits) return {text(value), text(limit)};
+  }
+}
 
 /// The comparison is written so that a measure that is not a number fails.
 bool passes(const Gate& gate, double value, double limit) {
@@ -105,10 +112,11 @@ std::optional<GateFailure> judge(const Measures& measures, const GateLimits& lim
     if (!limit) continue;
     const std::optional<double>& value = measures.*gate.value;
     if (value && passes(gate, *value, *limit)) continue;
-    const std::string found = value ? "is " + number(*value) : "was not measured";
+    const auto [value_text, limit_text] = numbers(value.value_or(*limit), *limit);
+    const std::string found = value ? "is " + value_text : "was not measured";
     return GateFailure{gate.no_overlap, std::string(gate.meaning) + ": " + gate.measure + " " +
                                             found + ", must be " + (gate.at_least ? ">= " : "<= ") +
-                                            number(*limit)};
+                                            limit_text};
   }
   return std::nullopt;
 }

@@ -4,6 +4,7 @@
 #include "registration/sweep_correction.h"
 #include "registration/verdict.h"
 #include "similarity/sweep_motion.h"
+#include "ultrasound/probe_path.h"
 #include "ultrasound/resting_frames.h"
 #include "ultrasound/stray_frames.h"
 
@@ -94,8 +95,12 @@ Outcome<Registration> registered_on_path(const RegistrationInput& input, const L
   input.ultrasound.validate();
   input.ultrasound.beams.validate();
   const std::vector<int> stray = stray_frames(input.ultrasound.beams);
-  if (stray.empty()) return registered_on_shown_sweep(input, lead, run);
+  if (stray.empty()) {
+    require_no_jump(input.ultrasound.beams, "ultrasound");
+    return registered_on_shown_sweep(input, lead, run);
+  }
   const BeamUltrasound on_path = without_frames(input.ultrasound, stray);
+  require_no_jump(on_path.beams, "ultrasound", stray);
   Outcome<Registration> found = registered_on_shown_sweep(
       {on_path, input.ct, input.T_us_ct_initial, input.options}, lead, run);
   if (!found) return found.refusal();

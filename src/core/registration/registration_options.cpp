@@ -6,6 +6,7 @@
 #include "registration/search/candidates.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 
 namespace usct {
 namespace {
@@ -119,6 +120,14 @@ void SearchOptions::validate(const std::string& source) const {
   require(!levels.empty(), source, "levels", 0.0, "one at least");
   for (std::size_t i = 0; i < levels.size(); ++i)
     levels[i].validate(source + ".levels[" + std::to_string(i) + "]");
+  for (std::size_t i = 1; i < levels.size(); ++i) {
+    const double spacing_mm = levels[i].spacing_mm.value_or(0.0);
+    const double before_mm = levels[i - 1].spacing_mm.value_or(0.0);
+    const std::string field = "levels[" + std::to_string(i) + "].spacing_mm";
+    require(spacing_mm <= before_mm, source, field, spacing_mm,
+            "at most that of the level before, " + formatted("%g", before_mm) +
+                ": levels go from coarse to fine (none: 0)");
+  }
   require_within(source, "rounds", rounds, 1, 32);
   require_not_negative(source, "distinct_mm", distinct_mm);
   require(most_optima >= 1, source, "most_optima", most_optima, ">= 1");
@@ -129,20 +138,6 @@ void SearchOptions::validate(const std::string& source) const {
 void RefinementOptions::validate(const std::string& source) const {
   ClimbOptions::validate(source);
   require_not_negative(source, "ct_margin_mm", ct_margin_mm);
-  constexpr double kMostError = 0.2;
-  require_within(source, "depth_error", depth_error, 0.0, kMostError);
-  require_within(source, "sweep_error", sweep_error, 0.0, kMostError);
-  const SimilarityNeeds needs = needs_of(similarity);
-  const std::string only = std::string("0: ") + similarity_name(similarity) + " cannot follow it";
-  require(depth_error == 0.0 || needs.follows_depth_error, source, "depth_error", depth_error,
-          only);
-  require(sweep_error == 0.0 || needs.follows_sweep_error, source, "sweep_error", sweep_error,
-          only);
-  const double least = 2.0 * registration::kErrorPerUnit * optimizer.step_tolerance;
-  for (const auto& [name, limit] :
-       {std::pair("depth_error", depth_error), std::pair("sweep_error", sweep_error)})
-    require(limit == 0.0 || limit >= least, source, name, limit,
-            "0, or >= " + std::to_string(least) + " with this optimizer.step_tolerance");
 }
 
 void PartOptions::validate(const std::string& source) const {

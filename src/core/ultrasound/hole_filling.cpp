@@ -28,8 +28,10 @@ class HoleFiller {
     const double most = grid().size.maxCoeff();
     for (const Eigen::Vector3i& step : half_of_the_neighbours()) {
       const double length_mm = step.cast<double>().cwiseProduct(grid().spacing_mm).norm();
+      // A multiple of the length counts, though it may be less by the last bit.
+      constexpr double kLastBits = 1e-9;
       directions_.push_back(
-          {step, length_mm, static_cast<int>(std::min(radius_mm / length_mm, most))});
+          {step, length_mm, static_cast<int>(std::min(radius_mm / length_mm + kLastBits, most))});
     }
   }
 

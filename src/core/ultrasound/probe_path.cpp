@@ -6,6 +6,16 @@
 #include "us_ct_registration/formatted.h"
 
 namespace usct {
+namespace {
+
+/// The number that a frame had before others were left out.
+int number_before(int frame, const std::vector<int>& left_out) {
+  for (const int left : left_out)
+    if (left <= frame) ++frame;
+  return frame;
+}
+
+}  // namespace
 
 double farthest_apart_mm(const BeamGrid& beams, int frame_a, int frame_b) {
   double most_mm = 0.0;
@@ -17,7 +27,8 @@ double farthest_apart_mm(const BeamGrid& beams, int frame_a, int frame_b) {
   return most_mm;
 }
 
-void require_no_jump(const BeamGrid& beams, const std::string& source) {
+void require_no_jump(const BeamGrid& beams, const std::string& source,
+                     const std::vector<int>& left_out) {
   if (!beams.tracked) return;
   const auto middle_us_mm = [&](int frame) {
     return beams.point(frame, beams.lines / 2, 0.5 * (beams.samples() - 1));
@@ -25,8 +36,9 @@ void require_no_jump(const BeamGrid& beams, const std::string& source) {
   for (int frame = 1; frame < beams.frames; ++frame) {
     const double step_mm = (middle_us_mm(frame) - middle_us_mm(frame - 1)).norm();
     if (step_mm <= kJumpMm) continue;
-    throw InputError(source, "frames " + std::to_string(frame - 1) + " and " +
-                                 std::to_string(frame) + " lie " + formatted("%.0f", step_mm) +
+    throw InputError(source, "frames " + std::to_string(number_before(frame - 1, left_out)) +
+                                 " and " + std::to_string(number_before(frame, left_out)) +
+                                 " lie " + formatted("%.0f", step_mm) +
                                  " mm apart, must lie at most " + formatted("%g", kJumpMm) +
                                  " mm apart: the tracker's pose of one of them is wrong");
   }

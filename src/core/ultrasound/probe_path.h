@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <vector>
 
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/geometry/scan_geometry.h"
@@ -29,7 +30,9 @@ inline Eigen::Vector3d middle_of_field_mm(const AxialSampling& axial, const Arra
 double farthest_apart_mm(const BeamGrid& beams, int frame_a, int frame_b);
 
 /// Throws InputError, naming `source`, if the middle of the field of view of a tracked sweep moves
-/// by more than kJumpMm from one frame to the next.
-void require_no_jump(const BeamGrid& beams, const std::string& source);
+/// by more than kJumpMm from one frame to the next. Frames are named by their numbers before those
+/// of `left_out`, in ascending order, were left out.
+void require_no_jump(const BeamGrid& beams, const std::string& source,
+                     const std::vector<int>& left_out = {});
 
 }  // namespace usct

@@ -1,11 +1,26 @@
 #include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 #include "require.h"
+#include "ultrasound/probe_path.h"
+#include "ultrasound/stray_frames.h"
 
 namespace usct {
 namespace {
 
 constexpr const char* kSource = "ultrasound";
+
+/// Compounded frames can no longer be told from each other, so that wrong poses among them must be
+/// found before.
+void require_right_poses(const Ultrasound& ultrasound) {
+  const auto* prescan = std::get_if<PreScanVolume>(&ultrasound);
+  if (prescan == nullptr || prescan->geometry.is_motorised()) return;
+  const BeamGrid beams = beam_grid(prescan->geometry);
+  if (const std::vector<int> stray = stray_frames(beams); !stray.empty())
+    throw InputError(kSource, stray_words(stray, beams.frames) +
+                                  ": a compounded volume would have them in it; leave them out of "
+                                  "the sweep, or register it along its beams");
+  require_no_jump(beams, kSource);
+}
 
 }  // namespace
 
@@ -23,6 +38,7 @@ UltrasoundBeams beams_of(const Ultrasound& ultrasound, const BeamOptions& option
     throw InputError(kSource,
                      "'parallel_beams_mm' is missing, must be given for images without beams");
   }
+  require_right_poses(ultrasound);
   const ScanConverted converted =
       in_space(ultrasound, *options.parallel_beams_mm, options.compounding, progress);
   return {along_beams(converted.volume, converted.mask, options.axis), {}, converted.volume.grid};

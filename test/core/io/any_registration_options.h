@@ -2,8 +2,10 @@
 
 #include <rapidcheck.h>
 
+#include <algorithm>
 #include <initializer_list>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "us_ct_registration/registration/registration_options.h"
@@ -194,6 +196,11 @@ inline void randomise(SearchOptions& o) {
   if (any_bool()) randomise(starts.emplace());
   levels.resize(static_cast<std::size_t>(any_int(1, 5)));
   for (LevelOptions& level : levels) randomise(level);
+  // From coarse to fine.
+  std::vector<std::optional<double>> spacings;
+  for (const LevelOptions& level : levels) spacings.push_back(level.spacing_mm);
+  std::sort(spacings.rbegin(), spacings.rend());  // none is less than any
+  for (std::size_t i = 0; i < levels.size(); ++i) levels[i].spacing_mm = spacings[i];
   rounds = any_int(1, 32);
   distinct_mm = between(0, 10);
   most_optima = any_int(1, 100);
@@ -201,12 +208,9 @@ inline void randomise(SearchOptions& o) {
   most_turn_rad = between(0.1, 3);
 }
 inline void randomise(RefinementOptions& o) {
-  static_assert(sizeof(RefinementOptions) == sizeof(ClimbOptions) + 3 * sizeof(double));
+  static_assert(sizeof(RefinementOptions) == sizeof(ClimbOptions) + sizeof(double));
   randomise(static_cast<ClimbOptions&>(o));
   o.ct_margin_mm = between(0, 30);
-  const SimilarityNeeds needs = needs_of(o.similarity);
-  o.depth_error = needs.follows_depth_error ? between(0.05, 0.2) : 0.0;
-  o.sweep_error = needs.follows_sweep_error ? between(0.05, 0.2) : 0.0;
 }
 inline void randomise(GateLimits& o) {
   auto& [overlap, wrong_probability] = o;

@@ -244,9 +244,9 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
         std::string("preset: patient\nconfidence: {ridge_similarity: {channel: along_beam}, "
                     "parts: {optimizer: {method: gauss_newton}}}\n")})
     expect_refused(text, {"optimizer.method' is 'gauss_newton'", "no derivatives"});
-  // Smaller errors would leave no room for a step.
-  expect_refused("preset: patient\nrefinement: {depth_error: 0.0008}\n",
-                 {"'refinement.depth_error' is 0.0008", "0.001", "step_tolerance"});
+  // Older versions had it.
+  expect_refused("preset: patient\nrefinement: {depth_error: 0.01}\n",
+                 {"'refinement.depth_error' is unknown"});
   expect_refused("preset: thesis_b\nconfidence: {evidence: own}\n",
                  {"'search.levels[0].similarity' is simulated_lc2", "no evidence", "patient"});
   expect_refused(level("screened: 3"), {"'search.levels[1].screened' is 3", "optimised"});
@@ -258,16 +258,6 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
   expect_refused("window: {}\n---\nwindow: {}\n", {"has 2 documents"});
 }
 
-/// The similarity of the thesis' preset, as the keys below `similarity:` two levels deep.
-std::string simulated_similarity() {
-  const std::string all = registration_options_yaml(preset("thesis_b"));
-  const std::size_t begin = all.find("        kind: simulated_lc2");
-  std::istringstream lines(all.substr(begin, all.find("      optimizer:") - begin));
-  std::string text;
-  for (std::string line; std::getline(lines, line);) text += line.substr(4) + "\n";
-  return text;
-}
-
 TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
   const auto search = [](const std::string& rest) {
     return "preset: patient\nsearch: {" + rest + "}\n";
@@ -275,6 +265,8 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
   const auto level = [&](const std::string& rest) { return search("levels: {0: {" + rest + "}}"); };
   expect_refused(level("optimizer: {initial_step: -3}"),
                  {"'search.levels[0].optimizer.initial_step' is -3", "> 0"});
+  expect_refused(level("spacing_mm: 1"), {"'search.levels[1].spacing_mm' is 2", "coarse to fine"});
+  expect_refused(level("spacing_mm: none"), {"'search.levels[1].spacing_mm' is 2"});
   expect_refused(level("optimizer: {initial_step: 0.1}"),
                  {"'search.levels[0].optimizer.step_tolerance'"});
   expect_refused(level("similarity: {bins: 7}"),
@@ -295,12 +287,6 @@ TEST(RegistrationOptionsIo, ValuesOutOfRangeAreNamedWithTheirPath) {
                  {"'confidence.gates.max_scatter_mm' is unknown"});
   expect_refused("preset: patient\nconfidence: {evidence: mine}\n",
                  {"'confidence.evidence' is 'mine'", "own, own_first, patient"});
-  expect_refused("preset: thesis_b\nrefinement:\n  spacing_mm: none\n  similarity:\n" +
-                     simulated_similarity() +
-                     "  optimizer: {method: bobyqa, max_evaluations: 9, initial_step: 1, "
-                     "step_tolerance: 0.1, cost_tolerance: 0, population: 0}\n"
-                     "  reach_mm: 9\n  ct_margin_mm: 9\n  depth_error: 0.01\n  sweep_error: 0.01\n",
-                 {"'refinement.sweep_error' is 0.01", "simulated_lc2 cannot follow it"});
   expect_refused("preset: patient\nwindow: {low_hu: 401}\n", {"'window.low_hu' is 401"});
   expect_refused("preset: patient\nconditioning: {depth: {near_field_mm: -1}}\n",
                  {"'conditioning.depth.near_field_mm' is -1"});

@@ -91,6 +91,10 @@ TEST(AsPatient, SearchesAsFarAsTheOptionsAndNoLessThanItself) {
     EXPECT_EQ(found.translation_mm, wide.translation_mm);
     EXPECT_EQ(found.count, own.count);  // a wider region needs no fewer of them
   }
+  const StartOptions far =
+      starts(StartOptions{StartRegion::kBox, 8, 0.2 * own.rotation_rad, 2.0 * own.translation_mm});
+  EXPECT_EQ(far.rotation_rad, own.rotation_rad);
+  EXPECT_EQ(far.translation_mm, 2.0 * own.translation_mm);
 }
 
 TEST(EvidencePlan, ImagesOfPatientAreNeededUnlessTheEvidenceIsOwn) {

@@ -90,6 +90,19 @@ TEST(ExpectedError, OfALagIsAlongATrackedSweepAlone) {
   EXPECT_EQ(expected_mm({same}, options, straight_tracked(40, 9, 1, 2.0)), 0.0);
 }
 
+/// Of a probe that turns about its middle line the middle of the field stays where it is.
+TEST(ExpectedError, OfALagIsThatOfPlacesThatMove) {
+  ErrorOptions options = halves_alone();
+  options.lag_frames = 1.0;
+  BeamGrid beams = straight_tracked(40, 9, 30, 0.0);
+  for (int frame = 0; frame < beams.frames; ++frame)
+    for (int line = 0; line < beams.lines; ++line) {
+      Beam& beam = beams.beams[static_cast<std::size_t>(frame * beams.lines + line)];
+      beam.origin_mm = Eigen::AngleAxisd(0.02 * frame, Vector3d::UnitY()) * beam.origin_mm;
+    }
+  EXPECT_GT(expected_mm({{kHere, kHere, kHere, kHere}}, options, beams), 0.02);
+}
+
 /// A probe that rests before it moves has the lag of its frames that move.
 TEST(ExpectedError, OfALagIsThatOfFramesThatMove) {
   ErrorOptions options = halves_alone();

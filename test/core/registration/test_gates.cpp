@@ -50,6 +50,17 @@ TEST(Gates, EachHasItsLimitOnItsSide) {
   EXPECT_FALSE(fails([](Measures& m) { *m.wrong_probability = 0.0; }));
 }
 
+TEST(Gates, AValueNextToItsLimitIsTold) {
+  Measures measures = passing({});
+  measures.wrong_probability = 0.3000004;
+  GateLimits limits;
+  limits.max_wrong_probability = 0.3;
+  const std::optional<GateFailure> failure = judge(measures, limits);
+  ASSERT_TRUE(failure);
+  EXPECT_NE(failure->message.find("is 0.3000004, must be <= 0.3"), std::string::npos)
+      << failure->message;
+}
+
 TEST(Gates, AGateIsSwitchedOffByName) {
   GateLimits limits;
   limits.max_wrong_probability.reset();

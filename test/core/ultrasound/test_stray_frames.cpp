@@ -7,7 +7,9 @@
 
 #include "core/registration/symmetric_sweeps.h"
 #include "core/ultrasound/sample_index.h"
+#include "ultrasound/probe_path.h"
 #include "ultrasound/stray_frames.h"
+#include "us_ct_registration/error.h"
 
 namespace usct::test {
 namespace {
@@ -52,6 +54,19 @@ RC_GTEST_PROP(StrayFrames, AreThoseOffThePath, ()) {
     moved.insert(4 + 8 * integer(0, frames / 8 - 1));
   for (const int frame : moved) move(beams, frame, drawn_mm(uniform(60.0, 1e5)));
   RC_ASSERT(stray_frames(beams) == std::vector<int>(moved.begin(), moved.end()));
+}
+
+TEST(StrayFrames, AJumpIsNamedByTheNumbersThatItsFramesHad) {
+  BeamGrid beams = straight_tracked(9, 6, 60, 0.7);
+  for (int frame = 31; frame < 60; ++frame) move(beams, frame, {0.0, 0.0, 300.0});
+  try {
+    require_no_jump(beams, "sweep", {3, 10});  // which were left out before
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("frames 32 and 33 lie 301 mm apart"),
+              std::string::npos)
+        << error.what();
+  }
 }
 
 TEST(StrayFrames, MayFollowEachOther) {

@@ -193,8 +193,6 @@ template <typename Fields>
 void describe(Fields& fields, RefinementOptions& o) {
   describe(fields, static_cast<ClimbOptions&>(o));
   fields("ct_margin_mm", o.ct_margin_mm);
-  fields("depth_error", o.depth_error);
-  fields("sweep_error", o.sweep_error);
 }
 
 template <typename Fields>

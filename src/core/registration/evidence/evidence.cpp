@@ -92,11 +92,10 @@ void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessm
 }
 
 void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) {
-  const bool is_stretched = assessment.measures.depth_error.has_value();  // by the refinement
   const Candidate stretched = estimate_errors(refined, assessment.measures, run);
   compare_clusters(stretched, assessment, run);
   const std::vector<HalfPoses> halves = compare_parts(refined, assessment.measures, run);
-  if (!halves.empty()) expect_error(halves, is_stretched, assessment);
+  if (!halves.empty()) expect_error(halves, assessment);
   assessment.measures.wrong_probability = wrong_probability(assessment.measures);
 }
 
@@ -166,8 +165,8 @@ Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures
   const std::optional<AcquisitionCheck> found = check_acquisition(
       refined, deciding_images(), in_.options.ridge_similarity, in_.options, field(), run);
   if (!found) return refined;
-  if (!measures.depth_error) measures.depth_error = found->errors.depth;
-  if (!measures.sweep_error) measures.sweep_error = found->errors.sweep;
+  measures.depth_error = found->errors.depth;
+  measures.sweep_error = found->errors.sweep;
   measures.sweep_unevenness = found->errors.unevenness;
   measures.errors_ratio = found->ratio;
   measures.errors_advantage = found->advantage;
@@ -212,13 +211,12 @@ std::vector<HalfPoses> Evidence::compare_parts(const Candidate& refined, Measure
   return halves;
 }
 
-void Evidence::expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
-                            Assessment& result) const {
+void Evidence::expect_error(const std::vector<HalfPoses>& halves, Assessment& result) const {
   Measures& measures = result.measures;
   const ErrorOptions& error = in_.options.error;
   AcquisitionErrors shown;
   // The estimate of the depths is biased, so that it must show clearly; that of the sweep is not.
-  if (!is_stretched) shown.depth = shown_errors(measures).errors.depth;
+  shown.depth = shown_errors(measures).errors.depth;
   shown.sweep = measures.sweep_error.value_or(0.0);
   const BeamGrid recorded = frames_that_count(in_.ultrasound.beams, *in_.images.prepared.us);
   result.covariance = pose_covariance(halves, recorded, field().centre_us_mm(), error, shown) +

@@ -76,11 +76,9 @@ class Evidence {
   void compare_clusters(const Candidate& pose, Assessment& assessment, Run& run);
   std::vector<HalfPoses> compare_parts(const Candidate& refined, Measures& measures,
                                        Run& run) const;
-  /// The covariance of the pose and what follows from it. `is_stretched`: the refinement has made
-  /// up for an error of the depths.
-  void expect_error(const std::vector<HalfPoses>& halves, bool is_stretched,
-                    Assessment& result) const;
-  /// Estimates errors of the acquisition, unless the refinement did. Returns the pose with the
+  /// The covariance of the pose and what follows from it.
+  void expect_error(const std::vector<HalfPoses>& halves, Assessment& result) const;
+  /// Estimates errors of the acquisition. Returns the pose with the
   /// wrong sweep that the images show, or `refined` if they show none, or wrong depths.
   Candidate estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
   /// The deciding images; with beams if they are looked at with a wrong sweep that they show.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "ultrasound/moving_place.h"
 #include "ultrasound/resting_frames.h"
 
 namespace usct::registration {
@@ -33,10 +34,6 @@ Motion shift(const Vector3d& by_mm) {
   Motion motion;
   motion << Vector3d::Zero(), by_mm;
   return motion;
-}
-
-Vector3d middle_of_frame(const BeamGrid& beams, int frame) {
-  return beams.point(frame, beams.lines / 2, 0.5 * (beams.samples() - 1));
 }
 
 bool has_samples_that_count(const BeamUltrasound& us, int frame) {
@@ -109,8 +106,9 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
   const Vector3d axial = field_axes(recorded).axial;
   const double depth_share = std::max(options.sound_speed_share, std::abs(shown.depth));
   add(shift(depth_share * depth_of(centre_us_mm, recorded, axial) * axial));
+  const auto [line, sample] = moving_place(recorded);
   const Vector3d path =
-      middle_of_frame(recorded, recorded.frames - 1) - middle_of_frame(recorded, 0);
+      recorded.point(recorded.frames - 1, line, sample) - recorded.point(0, line, sample);
   const double sweep_share =
       recorded.corrected_sweep ? std::max(options.sweep_share, std::abs(shown.sweep)) : shown.sweep;
   add(shift(0.25 * sweep_share * path));

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "registration/evidence_plan.h"
 #include "registration/images/ct_averages.h"
 #include "registration/spread.h"
-#include "ultrasound/probe_path.h"
 #include "ultrasound/resting_frames.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
@@ -71,18 +71,23 @@ std::string words_for_little_ct(const Eigen::Vector3i& size) {
          std::to_string(kLeastVoxels) + " along each axis";
 }
 
+std::string words_for_few_samples(std::size_t count) {
+  if (count == 0) return "nothing in the ultrasound counts: it is constant, or all of it is masked";
+  return "only " + std::to_string(count) + " samples of the ultrasound count, must be " +
+         std::to_string(kLeastPoints) + " at least: nearly all of it is constant or masked";
+}
+
 bool needs_recorded_ct(const ClimbOptions& level) { return needs_of(level.similarity).recorded_ct; }
 
 /// Beams cost memory and time. Positions suffice unless a similarity uses the direction of the
-/// beams, or the refinement moves samples along them.
+/// beams.
 bool needs_beams(const RegistrationOptions& options) {
   const auto along = [](const SimilarityOptions& similarity) { return needs_of(similarity).beams; };
   const std::optional<RefinementOptions>& refinement = options.refinement;
   return along(options.confidence.similarity) || along(options.confidence.ridge_similarity) ||
          std::any_of(options.search.levels.begin(), options.search.levels.end(),
                      [&](const LevelOptions& level) { return along(level.similarity); }) ||
-         (refinement && (refinement->depth_error > 0.0 || refinement->sweep_error > 0.0 ||
-                         along(refinement->similarity)));
+         (refinement && along(refinement->similarity));
 }
 
 /// Unset if the ultrasound has this spacing already.
@@ -147,7 +152,6 @@ void require_valid(const BeamUltrasound& ultrasound, const CtVolume& ct,
   ultrasound.validate();
   options.validate();
   ultrasound.beams.validate();
-  require_no_jump(ultrasound.beams, "ultrasound");
   ct.validate("CT");
   if (options.beams == BeamKind::kParallel && !are_parallel(ultrasound.beams))
     throw InputError("ultrasound",
@@ -238,12 +242,16 @@ Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {
     return prepare_ultrasound(moving ? *moving : recorded, options, run.check());
   });
   const BeamGrid& beams = moving ? moving->beams : recorded.beams;
-  if (prepared.field.us_mm().size() < kLeastPoints)
-    return Refusal{RegistrationStatus::kFailed,
-                   "nothing in the ultrasound counts: it is constant, or all of it is masked"};
+  if (const std::size_t count = prepared.field.us_mm().size(); count < kLeastPoints)
+    return Refusal{RegistrationStatus::kFailed, words_for_few_samples(count)};
   if (lie_on_a_line(prepared.field.us_mm()))
     return Refusal{RegistrationStatus::kFailed,
                    "what counts in the ultrasound lies on one line: no rotation about it shows"};
+  if (EvidencePlan(options.confidence).gathers() && std::min(beams.frames, beams.lines) < 2)
+    return Refusal{RegistrationStatus::kFailed,
+                   std::string("the ultrasound has one ") + (beams.frames < 2 ? "frame" : "line") +
+                       " in another place than the others, must have two at least: its halves "
+                       "must agree about a pose for it to be believed"};
   run.report(0.1);
 
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {

@@ -6,9 +6,11 @@ namespace usct::registration {
 namespace {
 
 /// One round on the deciding level, which climbs from all poses of matched blocks.
-SearchOptions options_of(SearchOptions search) {
+SearchOptions options_of(SearchOptions search, const ConfidenceOptions& confidence) {
   constexpr int kMatches = 8;
   LevelOptions level = search.levels.back();
+  // That of the level may need derivatives, which this similarity may lack.
+  level.optimizer.method = confidence.parts.optimizer.method;
   level.screened.reset();
   level.optimised = level.kept = kMatches;
   search.levels = {level};
@@ -29,7 +31,7 @@ SimilarityOptions similarity_of(const ConfidenceOptions& confidence) {
 
 BlockSearch::BlockSearch(const RegistrationInput& input, const ImagePyramid& images,
                          std::shared_ptr<const Similarity> similarity)
-    : options_(options_of(input.options.search)),
+    : options_(options_of(input.options.search, input.options.confidence)),
       similarity_(std::move(similarity)),
       matching_(images.prepared.us, images.levels.back().images->packed_ct(),
                 *input.options.search.starts),

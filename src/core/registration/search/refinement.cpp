@@ -11,11 +11,7 @@ Outcome<Candidate> refine(const ImagePyramid& images, const PreparedCt& ct,
   if (!level) return level.refusal();
   return run.timed("refinement", [&]() -> Outcome<Candidate> {
     std::vector<Candidate> refined{{optimum.T_us_ct, optimum.errors}};
-    climb(*level->similarity,
-          {refinement.optimizer,
-           refinement.reach_mm,
-           {refinement.depth_error, refinement.sweep_error},
-           options.seed},
+    climb(*level->similarity, {refinement.optimizer, refinement.reach_mm, {}, options.seed},
           images.prepared.field, refined, run);
     if (!refined.front().has_value())
       return Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
