@@ -28,6 +28,8 @@ struct AssemblyOptions {
 
 /// Numbers of frames by the reason why they are not in a volume.
 using Counts = std::map<std::string, std::uint64_t>;
+/// The counts in words, like "2 missing, 1 late"; empty if there are none.
+std::string counted(const Counts& counts);
 
 /// A volume and the frames that it was assembled from.
 struct AssembledSweep {

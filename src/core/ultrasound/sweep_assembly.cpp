@@ -41,14 +41,14 @@ bool same_probe(const StreamedFrame& a, const StreamedFrame& b) {
          a.axial.spacing_mm == b.axial.spacing_mm;
 }
 
-std::string described(const Counts& counts) {
+}  // namespace
+
+std::string counted(const Counts& counts) {
   std::string text;
   for (const auto& [reason, count] : counts)
     text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + reason;
   return text;
 }
-
-}  // namespace
 
 SweepAssembler::SweepAssembler(const AssemblyOptions& options) : options_(options) {}
 
@@ -250,7 +250,7 @@ void SweepAssembler::assemble(const Sweep& sweep, EndedSweep& result) {
     std::vector<Frame> frames;
     for (const auto& [index, frame] : sweep.frames) frames.push_back(frame);
     result.assembled = volume_of_sweep(frames, options_.image_lag_s, source, dropped);
-    result.message = described(dropped);
+    result.message = counted(dropped);
   } catch (const InputError& error) {
     drop(kOfRefusedSweep, sweep.frames.size());
     result.message = error.what();

@@ -25,7 +25,7 @@ constexpr double kWholeRecording_s = 1e9;
 /// Time after which the last sweep has ended, longer than any `sweep_pause`, s.
 constexpr double kEndS = 1e6;
 
-/// What a bag says of its frames.
+/// The transforms of a bag.
 struct BagTf {
   TfBuffer buffer{Duration(kWholeRecording_s), kMaxTfGap_s};
   /// The frames that do not move in the one from which they hang.

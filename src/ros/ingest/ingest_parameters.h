@@ -55,7 +55,7 @@ struct ImageStreamOptions {
   bool by_service = true;
   /// Name of the image transport: raw, compressed...
   std::string transport;
-  /// Where its plugin keeps its parameters.
+  /// The namespace in which its plugin keeps its parameters.
   std::string plugin_namespace;
   /// Longest sweep, for which poses are kept.
   double longest_sweep_s = 0.0;

@@ -3,17 +3,6 @@
 #include "ros/conversions/times.h"
 
 namespace usct::ros_interface {
-namespace {
-
-std::string counted(const Counts& counts) {
-  std::string text;
-  for (const auto& [reason, count] : counts)
-    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + reason;
-  return text;
-}
-
-}  // namespace
-
 std::string described(const LagEstimate& lag) {
   if (!lag.determined) return "not determinable: " + lag.message;
   return seconds_text(lag.lag_s) + " s, standard error " + seconds_text(lag.standard_error_s) +

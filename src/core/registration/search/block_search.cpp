@@ -9,7 +9,7 @@ namespace {
 SearchOptions options_of(SearchOptions search, const ConfidenceOptions& confidence) {
   constexpr int kMatches = 8;
   LevelOptions level = search.levels.back();
-  // That of the level may need derivatives, which this similarity may lack.
+  // The optimizer of the level may need derivatives, which this similarity may lack.
   level.optimizer.method = confidence.parts.optimizer.method;
   level.screened.reset();
   level.optimised = level.kept = kMatches;
