@@ -112,6 +112,19 @@ TEST(Refusals, Noise) {
   }
 }
 
+/// Matched blocks climb by the similarity of the evidence, which may have no derivatives.
+TEST(Refusals, NoiseByASimilarityWithoutDerivatives) {
+  RegistrationCase images = agar_case();
+  std::mt19937 random(4);
+  for (float& value : images.us.brightness) value = static_cast<float>(random() % 256);
+  const RegistrationOptions options = parse_registration_options(
+      "preset: patient\nsearch: {rounds: 2}\nconfidence: {similarity: {channel: along_beam}, "
+      "ridge_similarity: {channel: along_beam}, parts: {optimizer: {method: bobyqa}}}\n",
+      "test");
+  expect_refused(registered(images, nearby(images), options), RegistrationStatus::kLowConfidence,
+                 "must be");
+}
+
 /// Takes the image of each beam from another beam, or upside down.
 template <typename SampleOf>
 RegistrationCase reordered(const RegistrationCase& images, const SampleOf& sample_of) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/io/expect_input_error.h"
+#include "streamed_sweeps.h"
 #include "us_ct_registration/ultrasound/ultrasound_beams.h"
 
 namespace usct::test {
@@ -106,6 +107,17 @@ TEST(UltrasoundBeams, OfImagesWithoutBeamsNeedASpacing) {
   options.compounding.slice_thickness_mm = 2.0;
   expect_brightness(beams_of(images(), options).along,
                     [](const Eigen::Vector3d& p) { return 3.0 * p.y() + 10.0; });
+}
+
+/// Compounded, a frame that the tracker had elsewhere could no longer be found.
+TEST(UltrasoundBeams, WrongPosesAreNotCompounded) {
+  PreScanVolume volume = tracked(30);
+  BeamOptions options;
+  options.parallel_beams_mm = 1.0;
+  beams_of(volume, options);
+  std::get<TrackedSweep>(volume.geometry.motion).T_us_frame[10].translation().x() += 300.0;
+  expect_input_error([&] { beams_of(volume, options); },
+                     {"1 of 30 frames, frame 10 first", "compounded"});
 }
 
 TEST(UltrasoundBeams, BadOptionsAreNamed) {
