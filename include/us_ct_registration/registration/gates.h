@@ -81,8 +81,8 @@ struct Measures {
   /// and the bound below which the error lies in 90 of 100 registrations that are right.
   std::optional<double> expected_error_mm;
   std::optional<double> error_bound_mm;
-  /// Errors of the acquisition, estimated by a check of the final pose; see AcquisitionErrors.
-  /// Where the images show them, an error of the depths is a part of the expected error.
+  /// Errors of the acquisition, estimated by a check of the final pose; see AcquisitionErrors. An
+  /// error of the depths that the images show is a part of the expected error.
   std::optional<double> depth_error;
   std::optional<double> sweep_error;
   std::optional<double> sweep_unevenness;

@@ -78,8 +78,8 @@ class Evidence {
                                        Run& run) const;
   /// The covariance of the pose and what follows from it.
   void expect_error(const std::vector<HalfPoses>& halves, Assessment& result) const;
-  /// Estimates errors of the acquisition. Returns the pose with the
-  /// wrong sweep that the images show, or `refined` if they show none, or wrong depths.
+  /// Estimates errors of the acquisition. Returns the pose with the wrong sweep that the images
+  /// show, or `refined` if they show none, or wrong depths.
   Candidate estimate_errors(const Candidate& refined, Measures& measures, Run& run) const;
   /// The deciding images; with beams if they are looked at with a wrong sweep that they show.
   SimilarityImages& images_for(const Measures& measures);
