@@ -1,8 +1,12 @@
 #include "registration/pipeline.h"
 
+#include "registration/as_patient.h"
+#include "registration/attempts/judged_as_patient.h"
+#include "registration/attempts/rounds.h"
+#include "registration/attempts/verdict.h"
 #include "registration/evidence/acquisition_check.h"
+#include "registration/evidence/evidence_plan.h"
 #include "registration/sweep_correction.h"
-#include "registration/verdict.h"
 #include "similarity/sweep_motion.h"
 #include "ultrasound/probe_path.h"
 #include "ultrasound/resting_frames.h"
@@ -11,32 +15,35 @@
 namespace usct::registration {
 namespace {
 
-/// The registration by the images of these options, or nothing where they leave it to those of the
-/// preset `patient`.
-Outcome<std::optional<Registration>> by_own_images(const RegistrationInput& input, const Lead* lead,
+/// The registration by the search of these options, or nothing where they leave it to the preset
+/// `patient`.
+Outcome<std::optional<Registration>> by_own_search(const RegistrationInput& input, const Lead* lead,
                                                    Run& run) {
   run.report(0.0);
   const Outcome<ImagePyramid> images = prepare(input, run);
   if (!images) return images.refusal();
   run.report(0.2);
-  Attempt attempt(input, *images, run);
+  const SearchProblem problem = problem_of(input, *images);
+  const Attempt attempt{input, *images, problem, run};
+  const EvidencePlan plan(input.options.confidence);
   if (lead != nullptr)
-    if (std::optional<Registration> tracked = attempt.tracked(*lead)) return tracked;
-  if (EvidencePlan(input.options.confidence).may_go_on_as_patient()) return attempt.at_once();
-  const Outcome<Registration> found = attempt.search();
+    if (std::optional<Registration> found = tracked(attempt, *lead)) return found;
+  if (plan.may_go_on_as_patient()) return at_once(attempt);
+  const Outcome<Registration> found =
+      plan.is_judged_as_patient() ? judged_as_patient(attempt) : in_rounds(attempt);
   if (!found) return found.refusal();
   return std::optional(*found);
 }
 
 /// The registration of the ultrasound as it was recorded.
 Outcome<Registration> registered(const RegistrationInput& input, const Lead* lead, Run& run) {
-  Outcome<std::optional<Registration>> found = by_own_images(input, lead, run);
+  Outcome<std::optional<Registration>> found = by_own_search(input, lead, run);
   if (!found) return found.refusal();
   if (*found) return **found;
   constexpr double kCompared = 0.6;  // as far as a pose in doubt has come
   run.begin_part(kCompared, 1.0);
   const RegistrationOptions patient = as_patient(input.options);
-  found = by_own_images({input.ultrasound, input.ct, input.T_us_ct_initial, patient}, nullptr, run);
+  found = by_own_search({input.ultrasound, input.ct, input.T_us_ct_initial, patient}, nullptr, run);
   if (!found) return found.refusal();
   (*found)->by_patient = true;
   return **found;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "registration/attempt.h"
+#include "registration/attempts/tracked.h"
 
 namespace usct::registration {
 

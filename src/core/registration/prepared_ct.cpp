@@ -4,7 +4,8 @@
 #include <atomic>
 #include <numeric>
 
-#include "registration/evidence_plan.h"
+#include "registration/as_patient.h"
+#include "registration/evidence/evidence_plan.h"
 #include "registration/images/ct_averages.h"
 #include "registration/images/reached_average.h"
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "registration/evidence_plan.h"
+#include "registration/evidence/evidence_plan.h"
 #include "registration/search/candidates.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
@@ -186,7 +186,7 @@ void require_evidence(const RegistrationOptions& options, const std::string& sou
   const ConfidenceOptions& confidence = options.confidence;
   const std::vector<LevelOptions>& levels = options.search.levels;
   for (std::size_t i = 0; i < levels.size(); ++i)
-    if (registration::EvidencePlan(confidence).gathers_own() &&
+    if (!registration::EvidencePlan(confidence).is_judged_as_patient() &&
         needs_of(levels[i].similarity).recorded_ct)
       refuse("search.levels[" + std::to_string(i) + "].similarity", levels[i].similarity,
              "'confidence.evidence' must be patient");

@@ -6,7 +6,7 @@ namespace usct::registration {
 namespace {
 
 bool have_same_similarity(const Registration& a, const Registration& b) {
-  return a.by_blocks == b.by_blocks && a.by_patient == b.by_patient;
+  return a.by_matched_blocks == b.by_matched_blocks && a.by_patient == b.by_patient;
 }
 
 }  // namespace

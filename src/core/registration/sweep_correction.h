@@ -1,6 +1,6 @@
 #pragma once
 
-#include "registration/attempt.h"
+#include "registration/attempts/registered.h"
 #include "registration/outcome.h"
 
 namespace usct::registration {

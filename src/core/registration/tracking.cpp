@@ -1,6 +1,6 @@
 #include "us_ct_registration/registration/tracking.h"
 
-#include "registration/evidence_plan.h"
+#include "registration/as_patient.h"
 #include "registration/pipeline.h"
 #include "require.h"
 

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "registration/evidence_plan.h"
+#include "registration/as_patient.h"
+#include "registration/evidence/evidence_plan.h"
 
 namespace usct::test {
 namespace {
@@ -26,7 +27,7 @@ TEST(EvidencePlan, WithoutAGateNothingIsGatheredAndAllIsAccepted) {
   for (const EvidenceSource source :
        {EvidenceSource::kOwn, EvidenceSource::kOwnFirst, EvidenceSource::kPatient}) {
     const EvidencePlan none = plan(source, std::nullopt);
-    EXPECT_FALSE(none.gathers() || none.gathers_own() || none.may_need_patient());
+    EXPECT_FALSE(none.gathers() || none.is_judged_as_patient() || none.may_need_patient());
     EXPECT_FALSE(none.goes_on_as_patient({}));
     EXPECT_TRUE(none.accepts({}));
   }
@@ -101,8 +102,8 @@ TEST(EvidencePlan, ImagesOfPatientAreNeededUnlessTheEvidenceIsOwn) {
   EXPECT_FALSE(plan(EvidenceSource::kOwn).may_need_patient());
   EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).may_need_patient());
   EXPECT_TRUE(plan(EvidenceSource::kPatient).may_need_patient());
-  EXPECT_FALSE(plan(EvidenceSource::kPatient).gathers_own());
-  EXPECT_TRUE(plan(EvidenceSource::kOwnFirst).gathers_own());
+  EXPECT_TRUE(plan(EvidenceSource::kPatient).is_judged_as_patient());
+  EXPECT_FALSE(plan(EvidenceSource::kOwnFirst).is_judged_as_patient());
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ TEST(SweepCorrection, DoesNotHoldIfThePoseIsRefusedOrTheSweepStillLooksWrong) {
 
 TEST(SweepCorrection, DoesNotCompareValuesOfDifferentSimilarities) {
   Registration of_blocks = with_similarity(0.15, RegistrationStatus::kRegistered);
-  of_blocks.by_blocks = true;
+  of_blocks.by_matched_blocks = true;
   EXPECT_TRUE(correction_holds(of_blocks, accepted(0.05)));
   Registration by_patient = accepted(0.15);
   by_patient.by_patient = true;

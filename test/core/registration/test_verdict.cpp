@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "registration/attempts/verdict.h"
 #include "registration/evidence/doubts.h"
-#include "registration/verdict.h"
 
 namespace usct::test {
 namespace {
@@ -9,6 +9,7 @@ namespace {
 using registration::Assessment;
 using registration::Candidate;
 using registration::fits_mirrored;
+using registration::Judged;
 using registration::may_be_missed;
 using registration::Refusal;
 using registration::result_of;
@@ -74,7 +75,7 @@ Candidate refined() {
 
 /// The result of a pose that fails the gate of the evidence.
 RegistrationResult refused(const Assessment& assessment) {
-  return result_of(two_optima(), refined(), assessment, GateFailure{false, "the reason"});
+  return result_of(Judged{two_optima(), refined(), assessment, GateFailure{false, "the reason"}});
 }
 
 void expect_named(const Assessment& assessment, const std::vector<std::string>& named) {
@@ -129,7 +130,7 @@ TEST(Verdict, AnErrorThatMayBeTooLargeIsNamedWithTheMotionOfTissue) {
 TEST(Verdict, AFaultOfTheRecordedGeometryIsNamedForEveryPose) {
   Assessment assessment = strong();
   const auto message = [&] {
-    return result_of(two_optima(), refined(), assessment, std::nullopt).message;
+    return result_of(Judged{two_optima(), refined(), assessment, std::nullopt}).message;
   };
   assessment.measures.depth_error = -0.015;
   assessment.measures.sweep_error = 0.04;
@@ -175,7 +176,7 @@ TEST(Verdict, ASweepThatIsWrongOnOneSideIsNamedWithThatSide) {
   const auto message = [&](double sweep, double unevenness) {
     assessment.measures.sweep_error = sweep;
     assessment.measures.sweep_unevenness = unevenness;
-    return result_of(two_optima(), refined(), assessment, std::nullopt).message;
+    return result_of(Judged{two_optima(), refined(), assessment, std::nullopt}).message;
   };
   const auto expect_words = [](const std::string& found, const std::string& words) {
     EXPECT_NE(found.find("its frames lie " + words + ": check the motor's step"), std::string::npos)
@@ -221,7 +222,7 @@ TEST(Verdict, WithoutEvidenceItSaysSo) {
 
 TEST(Verdict, TooLittleOverlapNeedsNoFurtherReason) {
   const RegistrationResult result =
-      result_of(two_optima(), refined(), torn(), GateFailure{true, "the reason"});
+      result_of(Judged{two_optima(), refined(), torn(), GateFailure{true, "the reason"}});
   EXPECT_EQ(result.status, RegistrationStatus::kNoOverlap);
   EXPECT_EQ(result.message, "the reason");
 }
@@ -231,7 +232,8 @@ TEST(Verdict, ResultsListThePoseThatWasJudgedAndTheOtherOptima) {
   const std::vector<Candidate> optima = two_optima();
   Assessment assessment = strong();
   assessment.covariance = 0.25 * Eigen::Matrix<double, 6, 6>::Identity();
-  const RegistrationResult accepted = result_of(optima, refined(), assessment, std::nullopt);
+  const RegistrationResult accepted =
+      result_of(Judged{optima, refined(), assessment, std::nullopt});
   EXPECT_EQ(accepted.covariance, assessment.covariance);
   EXPECT_EQ(accepted.status, RegistrationStatus::kRegistered);
   ASSERT_TRUE(accepted.T_us_ct);

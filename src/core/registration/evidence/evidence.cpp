@@ -6,12 +6,12 @@
 
 #include "registration/evidence/acquisition_check.h"
 #include "registration/evidence/doubts.h"
+#include "registration/evidence/evidence_plan.h"
 #include "registration/evidence/expected_error.h"
 #include "registration/evidence/field_axes.h"
 #include "registration/evidence/local_agreement.h"
 #include "registration/evidence/mirror_agreement.h"
 #include "registration/evidence/paired_advantage.h"
-#include "registration/evidence_plan.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/similarity/catalogue.h"
 
@@ -99,7 +99,7 @@ void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run)
   assessment.measures.wrong_probability = wrong_probability(assessment.measures);
 }
 
-bool Evidence::blocks_agree(const Candidate& pose, Run& run) const {
+bool Evidence::clusters_agree(const Candidate& pose, Run& run) const {
   // Standard errors by which the gain must differ from nothing. In strangers' CTs hardly any pose
   // of matched blocks reaches it; with less no pose has been believed.
   constexpr double kSure = 3.5;

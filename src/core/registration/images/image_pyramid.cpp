@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "registration/evidence_plan.h"
+#include "registration/evidence/evidence_plan.h"
 #include "registration/images/ct_averages.h"
 #include "registration/spread.h"
 #include "ultrasound/resting_frames.h"
@@ -223,13 +223,6 @@ CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
   std::vector<Vector3d> points = prepared.field.us_mm();
   for (Vector3d& p : points) p = T_us_ct.inverse() * p;
   return {ct, region_around(ct.grid, points, margin_mm)};
-}
-
-std::vector<LevelSimilarities> ImagePyramid::similarities() const {
-  std::vector<LevelSimilarities> all;
-  all.reserve(levels.size());
-  for (const Level& level : levels) all.push_back({level.similarity.get(), level.screening.get()});
-  return all;
 }
 
 Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {

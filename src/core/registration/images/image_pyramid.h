@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
+#include "registration/images/field_points.h"
 #include "registration/input.h"
 #include "registration/outcome.h"
-#include "registration/search/candidates.h"
-#include "registration/search/multi_start.h"
+#include "registration/run.h"
 #include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/similarity/similarity_images.h"
 #include "us_ct_registration/volume/operations.h"
@@ -56,7 +56,6 @@ struct ImagePyramid {
   std::vector<Level> levels;
 
   const Similarity& deciding() const { return *levels.back().similarity; }
-  std::vector<LevelSimilarities> similarities() const;
 };
 
 /// The first step of a registration. Frames of a tracked probe at rest count as one. Refuses

@@ -143,25 +143,6 @@ void climb(const Similarity& similarity, const Climb& how, const PoseParameters&
 
 }  // namespace
 
-FieldPoints::FieldPoints(std::vector<Eigen::Vector3d> points_us_mm)
-    : points_us_mm_(std::move(points_us_mm)) {
-  for (const Eigen::Vector3d& p : points_us_mm_) centre_us_mm_ += p;
-  centre_us_mm_ /= static_cast<double>(points_us_mm_.size());
-}
-
-double FieldPoints::distance_mm(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct) const {
-  return mean_displacement_mm(T_a_us_ct * T_b_us_ct.inverse(), Isometry3d::Identity(),
-                              points_us_mm_);
-}
-
-bool FieldPoints::are_apart(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct,
-                            double limit_mm) const {
-  // The mean point moves no further than the points do in the mean.
-  const Isometry3d motion = T_a_us_ct * T_b_us_ct.inverse();
-  return (motion * centre_us_mm_ - centre_us_mm_).norm() > limit_mm ||
-         distance_mm(T_a_us_ct, T_b_us_ct) > limit_mm;
-}
-
 void evaluate(const Similarity& similarity, std::vector<Candidate>& candidates, Run& run) {
   std::vector<SimilarityPose> poses;
   poses.reserve(candidates.size());

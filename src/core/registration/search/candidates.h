@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "registration/images/field_points.h"
 #include "registration/run.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/similarity/similarity.h"
@@ -24,25 +25,6 @@ struct Candidate {
 
   bool has_value() const { return value > -std::numeric_limits<double>::infinity(); }
   SimilarityPose pose() const { return {T_us_ct.inverse(), errors}; }
-};
-
-/// Positions spread over the field of view, US frame, mm. Distances between poses are mean
-/// displacements of these points.
-class FieldPoints {
- public:
-  FieldPoints() = default;
-  explicit FieldPoints(std::vector<Eigen::Vector3d> points_us_mm);
-
-  double distance_mm(const Eigen::Isometry3d& T_a_us_ct, const Eigen::Isometry3d& T_b_us_ct) const;
-  /// Whether the distance is larger than a limit: sooner answered than how large it is.
-  bool are_apart(const Eigen::Isometry3d& T_a_us_ct, const Eigen::Isometry3d& T_b_us_ct,
-                 double limit_mm) const;
-  const std::vector<Eigen::Vector3d>& us_mm() const { return points_us_mm_; }
-  const Eigen::Vector3d& centre_us_mm() const { return centre_us_mm_; }
-
- private:
-  std::vector<Eigen::Vector3d> points_us_mm_;
-  Eigen::Vector3d centre_us_mm_ = Eigen::Vector3d::Zero();
 };
 
 /// Fills in value and overlap of the candidates.

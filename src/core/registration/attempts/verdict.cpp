@@ -1,4 +1,4 @@
-#include "registration/verdict.h"
+#include "registration/attempts/verdict.h"
 
 #include <algorithm>
 #include <cmath>
@@ -141,9 +141,8 @@ std::string explanation(const Assessment& assessment) {
 
 }  // namespace
 
-RegistrationResult result_of(const std::vector<Candidate>& optima, const Candidate& refined,
-                             const Assessment& assessment,
-                             const std::optional<GateFailure>& failure) {
+RegistrationResult result_of(const Judged& judged) {
+  const auto& [optima, refined, assessment, failure] = judged;
   RegistrationResult result;
   result.similarity = optima.front().value;
   result.overlap = refined.overlap;

@@ -1,14 +1,12 @@
 #pragma once
 
-#include "registration/assessment.h"
+#include "registration/attempts/judged.h"
 #include "registration/outcome.h"
 
 namespace usct::registration {
 
 /// The result of a registration that found something: with a transform only if no gate failed.
-RegistrationResult result_of(const std::vector<Candidate>& optima, const Candidate& refined,
-                             const Assessment& assessment,
-                             const std::optional<GateFailure>& failure);
+RegistrationResult result_of(const Judged& judged);
 
 /// Tells which errors of the sweep were taken out of the ultrasound before it was registered, and
 /// adds them to those that were still found. Does nothing if there are none.

@@ -12,8 +12,8 @@ class EvidencePlan {
 
   /// Whether a gate asks for evidence.
   bool gathers() const { return limit_.has_value(); }
-  /// Whether it does, and the evidence comes from the images of the registration.
-  bool gathers_own() const { return gathers() && source_ != EvidenceSource::kPatient; }
+  /// Whether it does, and the preset `patient` gathers it, whatever found the pose.
+  bool is_judged_as_patient() const { return gathers() && source_ == EvidenceSource::kPatient; }
   /// Whether the images of the preset `patient` may be needed too.
   bool may_need_patient() const { return gathers() && source_ != EvidenceSource::kOwn; }
   /// Whether the registration goes on as the preset `patient` where its own evidence leaves doubt.
@@ -27,9 +27,5 @@ class EvidencePlan {
   EvidenceSource source_;
   std::optional<double> limit_;
 };
-
-/// The images, the search and the evidence of the preset `patient`, for a registration by other
-/// options: with their gates, their rounds and their seed, and with starts as far away as theirs.
-RegistrationOptions as_patient(const RegistrationOptions& of);
 
 }  // namespace usct::registration

@@ -18,13 +18,6 @@ struct Trail {
   AcquisitionErrors corrected;
 };
 
-/// A trail that a registration follows first, unless its initial pose is over `reach_mm` from the
-/// trail's.
-struct Lead {
-  const Trail& trail;
-  double reach_mm;
-};
-
 /// Optima and decoys of new ultrasound at the deciding level.
 struct Followed {
   /// The tracked pose, and its rivals, best first.

@@ -1,4 +1,4 @@
-#include "registration/trail.h"
+#include "registration/attempts/trail.h"
 
 #include <algorithm>
 

@@ -1,8 +1,6 @@
-#include "registration/evidence_plan.h"
+#include "registration/as_patient.h"
 
 #include <algorithm>
-
-#include "registration/evidence/doubts.h"
 
 namespace usct::registration {
 namespace {
@@ -20,14 +18,6 @@ StartOptions farther(const StartOptions& of_patient, const std::optional<StartOp
 }
 
 }  // namespace
-
-bool EvidencePlan::goes_on_as_patient(const Measures& measures) const {
-  return may_go_on_as_patient() && !is_beyond_doubt(measures, *limit_);
-}
-
-bool EvidencePlan::accepts(const Measures& measures) const {
-  return !limit_ || (measures.wrong_probability && *measures.wrong_probability <= *limit_);
-}
 
 RegistrationOptions as_patient(const RegistrationOptions& of) {
   RegistrationOptions options;
