@@ -4,7 +4,7 @@
 #include "overlay_scene.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/overlay/overlay_painter.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -1,8 +1,8 @@
-#include "ros/ct_server.h"
+#include "ros/ct/ct_server.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 class CtServerNodelet : public NodeletOf<CtServer> {};

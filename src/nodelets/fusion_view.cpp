@@ -1,8 +1,8 @@
-#include "ros/fusion_view.h"
+#include "ros/fusion/fusion_view.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 

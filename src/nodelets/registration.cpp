@@ -1,7 +1,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
-#include "ros/registration_node.h"
+#include "ros/node/nodelet_of.h"
+#include "ros/registration/registration_node.h"
 
 namespace usct::ros_interface {
 class RegistrationNodelet : public NodeletOf<RegistrationNode> {};

@@ -1,8 +1,8 @@
-#include "ros/slicer_bridge.h"
+#include "ros/slicer/slicer_bridge.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 class SlicerBridgeNodelet : public NodeletOf<SlicerBridge> {};

@@ -1,8 +1,8 @@
-#include "ros/tf_publisher.h"
+#include "ros/alignment/tf_publisher.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 class TfPublisherNodelet : public NodeletOf<TfPublisher> {};

@@ -1,8 +1,8 @@
-#include "ros/us_cloud.h"
+#include "ros/fusion/us_cloud.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 

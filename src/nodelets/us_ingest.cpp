@@ -2,7 +2,7 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "ros/nodelet_of.h"
+#include "ros/node/nodelet_of.h"
 
 namespace usct::ros_interface {
 class UsIngestNodelet : public NodeletOf<UsIngest> {};

@@ -6,16 +6,16 @@
 #include <map>
 #include <memory>
 
+#include "ros/alignment/tf_publisher.h"
 #include "ros/crtk/crtk_bridge.h"
-#include "ros/ct_server.h"
-#include "ros/fusion_view.h"
-#include "ros/guarded_queue.h"
+#include "ros/ct/ct_server.h"
+#include "ros/fusion/fusion_view.h"
+#include "ros/fusion/us_cloud.h"
 #include "ros/ingest/us_ingest.h"
-#include "ros/registration_node.h"
-#include "ros/slicer_bridge.h"
-#include "ros/tf_publisher.h"
-#include "ros/us_cloud.h"
-#include "ros/video_overlay.h"
+#include "ros/node/guarded_queue.h"
+#include "ros/overlay/video_overlay.h"
+#include "ros/registration/registration_node.h"
+#include "ros/slicer/slicer_bridge.h"
 
 namespace usct::ros_interface {
 namespace {

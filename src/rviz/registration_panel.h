@@ -11,12 +11,12 @@
 #include <map>
 #include <string>
 
-#include "ros/guarded_queue.h"
+#include "ros/node/guarded_queue.h"
 #include "ros/operator/node_watch.h"
 #include "ros/operator/operator_state.h"
 #include "ros/operator/service_calls.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_input.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_input.h"
 
 class QLabel;
 class QPlainTextEdit;

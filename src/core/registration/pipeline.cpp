@@ -5,7 +5,7 @@
 #include "registration/attempts/rounds.h"
 #include "registration/attempts/verdict.h"
 #include "registration/evidence/acquisition_check.h"
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 #include "registration/sweep_correction.h"
 #include "similarity/sweep_motion.h"
 #include "ultrasound/probe_path.h"

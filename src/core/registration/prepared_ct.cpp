@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "registration/as_patient.h"
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 #include "registration/images/ct_averages.h"
 #include "registration/images/reached_average.h"
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 #include "registration/search/candidates.h"
 #include "require.h"
 #include "us_ct_registration/error.h"

@@ -9,8 +9,8 @@
 #include "ros/conversions/frames.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
-#include "ros/frame_name.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/frame_name.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

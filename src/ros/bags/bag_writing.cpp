@@ -11,9 +11,9 @@
 #include "ros/bags/recording.h"
 #include "ros/bags/robot_path.h"
 #include "ros/conversions/ct.h"
+#include "ros/conversions/message_limit.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
-#include "ros/message_limit.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 

@@ -8,7 +8,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
-#include "ros/status.h"
+#include "ros/node/status.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/registration/confidence_text.h"
 

@@ -1,7 +1,7 @@
 #include "ros/crtk/crtk_bridge.h"
 
 #include "ros/conversions/times.h"
-#include "ros/guarded_queue.h"
+#include "ros/node/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

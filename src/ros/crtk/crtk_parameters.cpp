@@ -4,7 +4,7 @@
 
 #include "ros/conversions/checks.h"
 #include "ros/conversions/poses.h"
-#include "ros/parameters.h"
+#include "ros/node/parameters.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "ros/conversions/poses.h"
-#include "ros/guarded_queue.h"
+#include "ros/node/guarded_queue.h"
 #include "ros/overlay/overlay_placement.h"
 #include "ros/overlay/scene_topics.h"
 #include "us_ct_registration/error.h"

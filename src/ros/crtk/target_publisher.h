@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "ros/overlay/overlay_scene.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_input.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_input.h"
 
 namespace usct::ros_interface {
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "ros/alignment_watch.h"
-#include "ros/tf_buffer.h"
+#include "ros/alignment/alignment_watch.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/registration/registration_result.h"
 #include "us_ct_registration/rendering/fusion_view.h"
 

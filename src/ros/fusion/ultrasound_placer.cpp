@@ -4,8 +4,8 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
-#include "ros/fixed_frame.h"
-#include "ros/tf_wait.h"
+#include "ros/tf/fixed_frame.h"
+#include "ros/tf/tf_wait.h"
 #include "us_ct_registration/geometry/probe_motion.h"
 
 namespace usct::ros_interface {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "ros/fusion/fusion_scene.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 

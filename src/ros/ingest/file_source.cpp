@@ -4,9 +4,9 @@
 
 #include <utility>
 
-#include "ros/data_root.h"
-#include "ros/guarded_queue.h"
-#include "ros/message_limit.h"
+#include "ros/conversions/message_limit.h"
+#include "ros/node/data_root.h"
+#include "ros/node/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

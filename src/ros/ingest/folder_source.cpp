@@ -1,6 +1,6 @@
 #include "ros/ingest/folder_source.h"
 
-#include "ros/guarded_queue.h"
+#include "ros/node/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "ros/conversions/times.h"
-#include "ros/guarded_queue.h"
-#include "ros/tf_wait.h"
+#include "ros/node/guarded_queue.h"
+#include "ros/tf/tf_wait.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/ultrasound/image_lag.h"
 

@@ -14,8 +14,8 @@
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
 #include "ros/ingest/volume_publisher.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_input.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_input.h"
 
 namespace usct::ros_interface {
 

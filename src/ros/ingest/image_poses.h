@@ -7,8 +7,8 @@
 #include <string>
 
 #include "ros/ingest/ingest_parameters.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_input.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_input.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 
 namespace usct::ros_interface {

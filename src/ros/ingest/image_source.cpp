@@ -8,10 +8,10 @@
 #include "ros/conversions/frames.h"
 #include "ros/conversions/images.h"
 #include "ros/conversions/times.h"
-#include "ros/guarded_queue.h"
 #include "ros/ingest/sweep_words.h"
-#include "ros/resolved_topic.h"
-#include "ros/status.h"
+#include "ros/node/guarded_queue.h"
+#include "ros/node/resolved_topic.h"
+#include "ros/node/status.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

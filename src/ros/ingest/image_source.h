@@ -13,12 +13,12 @@
 #include <optional>
 #include <string>
 
-#include "ros/guarded_queue.h"
 #include "ros/ingest/image_poses.h"
 #include "ros/ingest/ingest_parameters.h"
 #include "ros/ingest/ingest_source.h"
 #include "ros/ingest/last_arrival.h"
 #include "ros/ingest/volume_publisher.h"
+#include "ros/node/guarded_queue.h"
 #include "us_ct_registration/ultrasound/image_beams.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 

@@ -1,8 +1,8 @@
 #include "ros/ingest/ingest_parameters.h"
 
-#include "ros/message_limit.h"
-#include "ros/parameters.h"
-#include "ros/tf_buffer.h"
+#include "ros/conversions/message_limit.h"
+#include "ros/node/parameters.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ros/ingest/ultrasound_file.h"
-#include "ros/parameters.h"
+#include "ros/node/parameters.h"
 #include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 #include "us_ct_registration/ultrasound/image_sweep.h"
 #include "us_ct_registration/ultrasound/sweep_assembly.h"

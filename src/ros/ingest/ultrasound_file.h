@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ros/parameters.h"
+#include "ros/node/parameters.h"
 #include "us_ct_registration/io/ultrasound/ultrasound_source.h"
 
 namespace usct::ros_interface {

@@ -1,10 +1,10 @@
 #include "ros/ingest/us_ingest.h"
 
-#include "ros/guarded_queue.h"
 #include "ros/ingest/file_source.h"
 #include "ros/ingest/folder_source.h"
 #include "ros/ingest/frame_stream_source.h"
 #include "ros/ingest/image_source.h"
+#include "ros/node/guarded_queue.h"
 
 namespace usct::ros_interface {
 UsIngest::UsIngest(const ::ros::NodeHandle& node, const ::ros::NodeHandle& private_node)

@@ -2,10 +2,10 @@
 
 #include <us_ct_registration/StatusCode.h>
 
+#include "ros/alignment/known_results.h"
 #include "ros/conversions/alignment.h"
 #include "ros/conversions/registration_result.h"
-#include "ros/known_results.h"
-#include "ros/refusal.h"
+#include "ros/node/refusal.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/confidence_text.h"
 

@@ -9,7 +9,7 @@
 #include <set>
 #include <string>
 
-#include "ros/alignment_watch.h"
+#include "ros/alignment/alignment_watch.h"
 #include "us_ct_registration/rendering/fusion_view.h"
 
 namespace usct::ros_interface {

@@ -6,8 +6,8 @@
 #include <boost/make_shared.hpp>
 #include <utility>
 
-#include "ros/guarded_queue.h"
-#include "ros/resolved_topic.h"
+#include "ros/node/guarded_queue.h"
+#include "ros/node/resolved_topic.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

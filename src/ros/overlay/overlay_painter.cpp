@@ -11,7 +11,7 @@
 
 #include "ros/conversions/poses.h"
 #include "ros/overlay/overlay_placement.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/rendering/result_marks.h"

@@ -9,7 +9,7 @@
 
 #include "ros/overlay/camera_model.h"
 #include "ros/overlay/overlay_scene.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/rendering/overlay.h"
 
 namespace usct::ros_interface {

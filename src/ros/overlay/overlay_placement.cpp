@@ -2,12 +2,12 @@
 
 #include <us_ct_registration/StatusCode.h>
 
-#include "ros/alignment_watch.h"
+#include "ros/alignment/alignment_watch.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/times.h"
-#include "ros/refusal.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_wait.h"
+#include "ros/node/refusal.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_wait.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

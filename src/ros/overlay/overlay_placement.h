@@ -6,7 +6,7 @@
 #include <string>
 
 #include "ros/overlay/overlay_scene.h"
-#include "ros/tf_buffer.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 

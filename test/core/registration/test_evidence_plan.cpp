@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "registration/as_patient.h"
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 
 namespace usct::test {
 namespace {

@@ -19,7 +19,7 @@
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
 #include "ros/eventually.h"
-#include "ros/refusal.h"
+#include "ros/node/refusal.h"
 #include "ros/tf_source.h"
 
 namespace usct::ros_interface {

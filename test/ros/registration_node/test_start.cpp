@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "registration_client.h"
-#include "ros/registration_node.h"
-#include "ros/registration_parameters.h"
+#include "ros/registration/registration_node.h"
+#include "ros/registration/registration_parameters.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "clock.h"
-#include "ros/alignment_broadcaster.h"
+#include "ros/alignment/alignment_broadcaster.h"
 #include "ros/conversions/ct.h"
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"

@@ -9,8 +9,8 @@
 
 #include "ros/conversions/ct.h"
 #include "ros/conversions/ultrasound.h"
-#include "ros/held_volumes.h"
-#include "ros/tf_buffer.h"
+#include "ros/registration/held_volumes.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 

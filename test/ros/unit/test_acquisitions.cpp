@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "ros/acquisitions.h"
+#include "ros/registration/acquisitions.h"
 
 namespace usct::ros_interface {
 namespace {

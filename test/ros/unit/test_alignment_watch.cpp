@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "ros/alignment_watch.h"
+#include "ros/alignment/alignment_watch.h"
 #include "ros/conversions/poses.h"
 
 namespace usct::ros_interface {

@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "core/io/temporary_folder.h"
-#include "ros/data_root.h"
+#include "ros/node/data_root.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "ros/conversions/poses.h"
-#include "ros/fixed_frame.h"
-#include "ros/refusal.h"
-#include "ros/tf_buffer.h"
+#include "ros/node/refusal.h"
+#include "ros/tf/fixed_frame.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "ros/conversions/times.h"
-#include "ros/guarded_queue.h"
+#include "ros/node/guarded_queue.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

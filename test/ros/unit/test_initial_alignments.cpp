@@ -4,9 +4,9 @@
 #include <boost/make_shared.hpp>
 
 #include "ros/conversions/poses.h"
-#include "ros/initial_alignments.h"
-#include "ros/refusal.h"
-#include "ros/tf_buffer.h"
+#include "ros/node/refusal.h"
+#include "ros/registration/initial_alignments.h"
+#include "ros/tf/tf_buffer.h"
 
 namespace usct::ros_interface {
 namespace {

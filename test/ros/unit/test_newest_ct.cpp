@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "ros/newest_ct.h"
+#include "ros/registration/newest_ct.h"
 
 namespace usct::ros_interface {
 namespace {

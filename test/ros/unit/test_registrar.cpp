@@ -9,8 +9,8 @@
 #include "ros/conversions/ct.h"
 #include "ros/conversions/poses.h"
 #include "ros/conversions/ultrasound.h"
-#include "ros/registrar.h"
-#include "ros/tf_buffer.h"
+#include "ros/registration/registrar.h"
+#include "ros/tf/tf_buffer.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::ros_interface {

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "ros/decision_watch.h"
-#include "ros/registration_worker.h"
+#include "ros/registration/decision_watch.h"
+#include "ros/registration/registration_worker.h"
 
 namespace usct::ros_interface {
 namespace {

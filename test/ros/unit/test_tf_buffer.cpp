@@ -6,10 +6,10 @@
 #include <map>
 
 #include "ros/conversions/poses.h"
-#include "ros/fixed_frame.h"
-#include "ros/refusal.h"
-#include "ros/tf_buffer.h"
-#include "ros/tf_wait.h"
+#include "ros/node/refusal.h"
+#include "ros/tf/fixed_frame.h"
+#include "ros/tf/tf_buffer.h"
+#include "ros/tf/tf_wait.h"
 
 namespace usct::ros_interface {
 namespace {

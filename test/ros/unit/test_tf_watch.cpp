@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "ros/tf_watch.h"
+#include "ros/tf/tf_watch.h"
 
 namespace usct::ros_interface {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "registration/attempts/attempt.h"
 #include "registration/attempts/judged.h"
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 
 /// The steps assess and judge, by evidence from the images of the attempt.
 namespace usct::registration {

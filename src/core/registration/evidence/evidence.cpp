@@ -6,12 +6,12 @@
 
 #include "registration/evidence/acquisition_check.h"
 #include "registration/evidence/doubts.h"
-#include "registration/evidence/evidence_plan.h"
 #include "registration/evidence/expected_error.h"
 #include "registration/evidence/field_axes.h"
 #include "registration/evidence/local_agreement.h"
 #include "registration/evidence/mirror_agreement.h"
 #include "registration/evidence/paired_advantage.h"
+#include "registration/evidence_plan.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/similarity/catalogue.h"
 

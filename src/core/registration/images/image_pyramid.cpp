@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "registration/evidence/evidence_plan.h"
+#include "registration/evidence_plan.h"
 #include "registration/images/ct_averages.h"
 #include "registration/spread.h"
 #include "ultrasound/resting_frames.h"
