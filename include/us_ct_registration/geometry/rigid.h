@@ -3,8 +3,11 @@
 #include <Eigen/Geometry>
 #include <string>
 
-/// Tests for rotations and rigid transforms; the whole project uses these.
+/// Rotations and rigid transforms, and tests for them; the whole project uses these.
 namespace usct {
+
+/// The matrix of the cross product: [v]x p = v x p.
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
 
 /// Tolerance on each entry of MᵀM - 1. It allows for the rounding of text files with about six
 /// digits, which moves a point of the kidney by micrometres.

@@ -8,6 +8,12 @@
 
 namespace usct {
 
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d matrix;
+  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return matrix;
+}
+
 double deviation_from_rotation(const Eigen::Matrix3d& matrix) {
   if (!matrix.allFinite() || !(matrix.determinant() > 0.0))
     return std::numeric_limits<double>::infinity();

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <string>
 
+#include "order_statistics.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
 namespace {
@@ -28,19 +30,6 @@ double root_mean_square(const std::vector<double>& squares) {
   double sum = 0.0;
   for (const double square : squares) sum += square;
   return std::sqrt(sum / static_cast<double>(squares.size()));
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
-}
-
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& p) {
-  Eigen::Matrix3d cross;
-  cross << 0.0, -p.z(), p.y(), p.z(), 0.0, -p.x(), -p.y(), p.x(), 0.0;
-  return cross;
 }
 
 }  // namespace

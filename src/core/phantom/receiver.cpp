@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "order_statistics.h"
 #include "phantom/random.h"
 
 namespace usct::phantom {
@@ -33,10 +34,9 @@ std::vector<double> typical_level_db(const std::vector<TransmissionMap>& maps) {
     levels.clear();
     for (const TransmissionMap& map : maps)
       for (int i = 0; i < map.lines; ++i) levels.push_back(map.level[map.offset(i, j)]);
-    const auto nth = levels.begin() + static_cast<std::ptrdiff_t>(
-                                          kTgcPercentile * static_cast<double>(levels.size() - 1));
-    std::nth_element(levels.begin(), nth, levels.end());
-    typical.push_back(20.0 * std::log10(std::max(1e-9, static_cast<double>(*nth))));
+    const auto rank = kTgcPercentile * static_cast<double>(levels.size() - 1);
+    const float level = value_of_rank(levels, static_cast<std::size_t>(rank));
+    typical.push_back(20.0 * std::log10(std::max(1e-9, static_cast<double>(level))));
   }
   return typical;
 }

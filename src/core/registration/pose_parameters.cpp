@@ -10,12 +10,6 @@
 namespace usct {
 namespace {
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
-
 /// The left Jacobian J of SO(3): exp(w + d) = exp(J d) exp(w) for small d.
 Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& w) {
   const double angle = w.norm();

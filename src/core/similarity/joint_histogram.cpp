@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "order_statistics.h"
 #include "similarity/packed_ct.h"
 
 namespace usct {
@@ -15,21 +16,14 @@ constexpr int kMargin = 2;
 /// Bin number of padding.
 constexpr std::uint8_t kNoBin = 255;
 
-/// The quantile of values, none of which is NaN; changes their order.
-float quantile(std::vector<float>& values, double share) {
-  const auto nth = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
 /// The bin of the ultrasound at each place; kNoBin at padding.
 std::vector<std::uint8_t> ultrasound_bins(const UltrasoundPatches& us, int bins) {
   const std::vector<float> values = ultrasound_of(us);
   std::vector<float> known;
   for (const float value : values)
     if (!std::isnan(value)) known.push_back(value);
-  float low = quantile(known, kLowQuantile);
-  float high = quantile(known, kHighQuantile);
+  float low = nearest_quantile(known, kLowQuantile);
+  float high = nearest_quantile(known, kHighQuantile);
   if (!(high > low)) {  // nearly all samples have one value
     low = *std::min_element(known.begin(), known.end());
     high = *std::max_element(known.begin(), known.end());

@@ -26,7 +26,7 @@ constexpr std::size_t kParts = 4;
 
 /// Reorders the values.
 template <typename Value>
-Value median(std::vector<Value>& values) {
+Value in_place_median(std::vector<Value>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -143,9 +143,9 @@ class Exclusion {
     const double third_mm = axial_.depth_mm(third);
     double end_mm = std::min(options_.depth.near_field_mm, third_mm);
     if (inner.empty()) return end_mm;
-    const double level = median(inner);
+    const double level = in_place_median(inner);
     for (double& value : inner) value = std::abs(value - level);
-    const double tolerance = std::max(kRobustDeviations * kMadToDeviation * median(inner),
+    const double tolerance = std::max(kRobustDeviations * kMadToDeviation * in_place_median(inner),
                                       kNearFieldChange * std::abs(level));
     const double limit_mm = std::min(options_.depth.near_field_limit_mm, third_mm);
     for (int s = 0; s < samples_ && axial_.depth_mm(s) <= limit_mm; ++s)
@@ -223,7 +223,7 @@ class Exclusion {
            l <= std::min(lines - 1, line + kWallNeighbours); ++l)
         values.push_back(found[static_cast<std::size_t>(f) * static_cast<std::size_t>(lines) +
                                static_cast<std::size_t>(l)]);
-    return median(values);
+    return in_place_median(values);
   }
 
   /// Finds the depths that are excluded, or too dark to judge, for all beams alike.

@@ -1,8 +1,8 @@
 #include "ultrasound/frames_in_air.h"
 
-#include <algorithm>
 #include <numeric>
 
+#include "order_statistics.h"
 #include "parallel.h"
 
 namespace usct {
@@ -35,14 +35,11 @@ std::vector<std::uint8_t> frames_in_air(const BeamUltrasound& ultrasound) {
   parallel_for(ultrasound.beams.frames, [&](int frame) {
     brightness[static_cast<std::size_t>(frame)] = brightness_of(ultrasound, frame);
   });
-  std::vector<double> sorted = brightness;
-  const auto bright =
-      sorted.begin() +
-      static_cast<std::ptrdiff_t>(kBrightQuantile * static_cast<double>(sorted.size() - 1));
-  std::nth_element(sorted.begin(), bright, sorted.end());
+  const auto rank = kBrightQuantile * static_cast<double>(brightness.size() - 1);
+  const double bright = value_of_rank(brightness, static_cast<std::size_t>(rank));
   std::vector<std::uint8_t> air;
   for (const double one : brightness)
-    air.push_back(*bright > 0.0 && one < kAirShare * *bright ? 1 : 0);
+    air.push_back(bright > 0.0 && one < kAirShare * bright ? 1 : 0);
   const bool is_usual = 2 * std::accumulate(air.begin(), air.end(), std::size_t{0}) > air.size();
   return is_usual ? air : std::vector<std::uint8_t>{};
 }

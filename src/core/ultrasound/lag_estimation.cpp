@@ -73,7 +73,7 @@ void estimate_from(Signal change, Signal speed, double interval_s, LagEstimate& 
   const std::vector<double> lags_s = resampled_lags_s(shifted, std::min(block, change.size() / 2));
   if (!lags_s.empty()) {
     estimate.standard_error_s = moments(lags_s).deviation;
-    estimate.interval_s = {quantile(lags_s, 0.025), quantile(lags_s, 0.975)};
+    estimate.interval_s = {nearest_quantile(lags_s, 0.025), nearest_quantile(lags_s, 0.975)};
   }
   estimate.message = doubt(estimate, is_inside(r, top));
   estimate.determined = estimate.message.empty();
@@ -87,7 +87,7 @@ LagEstimate estimate_from_frames(const std::vector<double>& times_s,
   std::vector<double> intervals_s;
   for (std::size_t i = 0; i + 1 < times_s.size(); ++i)
     if (times_s[i + 1] > times_s[i]) intervals_s.push_back(times_s[i + 1] - times_s[i]);
-  const double usual_s = intervals_s.empty() ? 0.0 : quantile(intervals_s, 0.5);
+  const double usual_s = intervals_s.empty() ? 0.0 : nearest_quantile(intervals_s, 0.5);
   Signal image_change;
   Signal speed;
   for (std::size_t i = 0; i + 1 < times_s.size(); ++i) {

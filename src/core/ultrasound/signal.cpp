@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "order_statistics.h"
+
 namespace usct {
 
 Moments moments(const std::vector<double>& values) {
@@ -14,15 +16,9 @@ Moments moments(const std::vector<double>& values) {
   return m;
 }
 
-double quantile(std::vector<double> values, double share) {
-  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 void clip(Signal& signal, double share) {
-  const double low = quantile(signal.values, share);
-  const double high = quantile(signal.values, 1.0 - share);
+  const double low = nearest_quantile(signal.values, share);
+  const double high = nearest_quantile(signal.values, 1.0 - share);
   for (double& value : signal.values) value = std::clamp(value, low, high);
 }
 

@@ -28,9 +28,6 @@ struct Moments {
 
 Moments moments(const std::vector<double>& values);
 
-/// The value below which a `share` of the values lies. There must be at least one value.
-double quantile(std::vector<double> values, double share);
-
 /// Limits the values to those between the quantiles `share` and 1 - `share`.
 void clip(Signal& signal, double share);
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdlib>
 
+#include "order_statistics.h"
 #include "ultrasound/probe_path.h"
 #include "us_ct_registration/formatted.h"
 
@@ -19,9 +20,7 @@ double usual_step_mm(const BeamGrid& beams, int first, int last, int frame) {
   for (int f = first; f < last; ++f)
     if (f != frame && f + 1 != frame) steps.push_back(farthest_apart_mm(beams, f, f + 1));
   if (steps.empty()) return 0.0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>((steps.size() - 1) / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return value_of_rank(steps, (steps.size() - 1) / 2);
 }
 
 bool is_stray(const BeamGrid& beams, int frame) {

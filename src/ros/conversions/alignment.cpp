@@ -10,6 +10,7 @@
 #include "ros/conversions/times.h"
 #include "ros/node/status.h"
 #include "us_ct_registration/formatted.h"
+#include "us_ct_registration/geometry/rigid.h"
 #include "us_ct_registration/registration/confidence_text.h"
 
 namespace usct::ros_interface {
@@ -31,12 +32,6 @@ MetricPose pose_from(const geometry_msgs::Transform& transform) {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-Eigen::Matrix3d cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
-
 /// The result states the covariance of a small motion (translation d, rotation r) about the origin
 /// of the ultrasound's frame, in that frame's axes. The CT's origin p then moves by d + r x p; with
 /// the rotation R from the ultrasound's axes to those of the fixed frame, the motion is
@@ -50,7 +45,7 @@ Matrix6d covariance_in_fixed_frame(const msg::RegistrationResult& message) {
                             us_ct.rotation.normalized().toRotationMatrix().transpose();
   Matrix6d motion = Matrix6d::Zero();
   motion.topLeftCorner<3, 3>() = R;
-  motion.topRightCorner<3, 3>() = -R * cross(us_ct.translation_m);
+  motion.topRightCorner<3, 3>() = -R * cross_matrix(us_ct.translation_m);
   motion.bottomRightCorner<3, 3>() = R;
   const Matrix6d turned = motion * in_us * motion.transpose();
   return turned.allFinite() ? turned : Matrix6d::Zero();

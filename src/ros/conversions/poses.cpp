@@ -3,6 +3,14 @@
 #include "us_ct_registration/geometry/rigid.h"
 
 namespace usct::ros_interface {
+namespace {
+
+/// What an entry of a message's covariance is in the core's unit, for 1 in the message's.
+double covariance_unit(int row, int column) {
+  return (row < 3 ? kMmPerM : 1.0) * (column < 3 ? kMmPerM : 1.0);
+}
+
+}  // namespace
 
 Eigen::Vector3d point_from_message_mm(const geometry_msgs::Point& point_m) {
   return kMmPerM * Eigen::Vector3d(point_m.x, point_m.y, point_m.z);
@@ -49,6 +57,24 @@ geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm) {
   transform.translation.z = pose.position.z;
   transform.rotation = pose.orientation;
   return transform;
+}
+
+CovarianceMessage to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm) {
+  CovarianceMessage message;
+  for (int row = 0; row < 6; ++row)
+    for (int column = 0; column < 6; ++column)
+      message[static_cast<std::size_t>(6 * row + column)] =
+          covariance_mm((row + 3) % 6, (column + 3) % 6) / covariance_unit(row, column);
+  return message;
+}
+
+Eigen::Matrix<double, 6, 6> covariance_from_message_mm(const CovarianceMessage& covariance_m) {
+  Eigen::Matrix<double, 6, 6> core;
+  for (int row = 0; row < 6; ++row)
+    for (int column = 0; column < 6; ++column)
+      core((row + 3) % 6, (column + 3) % 6) =
+          covariance_m[static_cast<std::size_t>(6 * row + column)] * covariance_unit(row, column);
+  return core;
 }
 
 geometry_msgs::TransformStamped stamped_transform(const ::ros::Time& stamp,

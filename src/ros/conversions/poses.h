@@ -5,6 +5,7 @@
 #include <geometry_msgs/TransformStamped.h>
 
 #include <Eigen/Geometry>
+#include <boost/array.hpp>
 #include <string>
 
 /// Points and transforms between the core (millimetres) and messages (metres).
@@ -17,6 +18,9 @@ namespace usct::ros_interface {
 
 constexpr double kMmPerM = 1000.0;
 
+/// Row by row.
+using CovarianceMessage = boost::array<double, 36>;
+
 Eigen::Vector3d point_from_message_mm(const geometry_msgs::Point& point_m);
 geometry_msgs::Point to_message(const Eigen::Vector3d& point_mm);
 
@@ -26,6 +30,12 @@ Eigen::Isometry3d from_message_mm(const geometry_msgs::Transform& transform_m,
 Eigen::Isometry3d from_message_mm(const geometry_msgs::Pose& pose_m, const std::string& source);
 geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm);
 geometry_msgs::Pose to_pose_message(const Eigen::Isometry3d& T_mm);
+
+/// Covariances of a small motion: (rotation, translation) in rad and mm in the core, (translation,
+/// rotation) in m and rad in messages. The values are not checked.
+CovarianceMessage to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm);
+Eigen::Matrix<double, 6, 6> covariance_from_message_mm(const CovarianceMessage& covariance_m);
+
 geometry_msgs::TransformStamped stamped_transform(const ::ros::Time& stamp,
                                                   const Eigen::Isometry3d& T_parent_child_mm,
                                                   const std::string& parent,

@@ -53,16 +53,6 @@ void fill_measures(const Measures& measures, msg::RegistrationResult& message) {
   message.error_bound = measures.error_bound_mm.value_or(kNotKnown) / kMmPerM;
 }
 
-/// Converts from (rotation, translation) in rad and mm to (translation, rotation) in m and rad.
-void fill_covariance(const Eigen::Matrix<double, 6, 6>& core, msg::RegistrationResult& message) {
-  for (int row = 0; row < 6; ++row)
-    for (int column = 0; column < 6; ++column) {
-      const double unit = (row < 3 ? kMmPerM : 1.0) * (column < 3 ? kMmPerM : 1.0);
-      message.covariance[static_cast<std::size_t>(6 * row + column)] =
-          core((row + 3) % 6, (column + 3) % 6) / unit;
-    }
-}
-
 }  // namespace
 
 msg::RegistrationResult to_message(const RegistrationResult& result) {
@@ -70,7 +60,7 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
   message.status.code = status_code(result.status);
   message.status.message = result.message;
   if (result.T_us_ct) message.transform = to_message(*result.T_us_ct);
-  if (result.covariance) fill_covariance(*result.covariance, message);
+  if (result.covariance) message.covariance = to_message(*result.covariance);
   message.similarity = result.similarity;
   message.overlap = result.overlap;
   for (const RegistrationCandidate& candidate : result.candidates) {

@@ -11,6 +11,7 @@
 #include "ros/conversions/surface_markers.h"
 #include "ros/conversions/times.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/geometry/target_errors.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -158,21 +159,19 @@ std::optional<double> OverlaySceneKeeper::bound_mm(const Surface& surface,
     if (!std::isfinite(expected_mm)) return std::nullopt;
     return options_.bound_factor * expected_mm;
   }
-  // A point moves by t + w x r, r being its position from the origin of the CT: the expected square
-  // of its error is trace(J C J^T) with J = [I | -[r]x].
-  using Covariance = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
-  const Covariance covariance = Eigen::Map<const Covariance>(pose_->pose.covariance.data());
+  // The motion is about the origin of the CT, in the axes of the fixed frame.
   constexpr std::size_t kMostPoints = 200;
   const std::size_t step = 1 + surface.points_mm.size() / kMostPoints;
-  double worst = 0.0;
-  for (std::size_t i = 0; i < surface.points_mm.size(); i += step) {
-    const Eigen::Vector3d r = T_fixed_ct.linear() * surface.points_mm[i] / kMmPerM;
-    Eigen::Matrix<double, 3, 6> J;
-    J << 1, 0, 0, 0, r.z(), -r.y(), 0, 1, 0, -r.z(), 0, r.x(), 0, 0, 1, r.y(), -r.x(), 0;
-    worst = std::max(worst, (J * covariance * J.transpose()).trace());
+  std::vector<Eigen::Vector3d> points_mm;
+  for (std::size_t i = 0; i < surface.points_mm.size(); i += step)
+    points_mm.push_back(T_fixed_ct.linear() * surface.points_mm[i]);
+  try {
+    const double worst_mm =
+        expected_tre_mm(covariance_from_message_mm(pose_->pose.covariance), points_mm).max_mm;
+    if (worst_mm > 0.0) return options_.bound_factor * worst_mm;
+  } catch (const InputError&) {  // another program's covariance, or no point
   }
-  if (!(std::isfinite(worst) && worst > 0.0)) return std::nullopt;
-  return options_.bound_factor * kMmPerM * std::sqrt(worst);
+  return std::nullopt;
 }
 
 OverlayScene OverlaySceneKeeper::at(const ::ros::Time& stamp) const {

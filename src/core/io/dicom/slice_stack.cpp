@@ -7,6 +7,7 @@
 
 #include "io/dicom/slice_irregularities.h"
 #include "io/format.h"
+#include "order_statistics.h"
 
 namespace usct::io {
 namespace {
@@ -46,12 +47,6 @@ void find_mixed(const std::vector<SlicePose>& slices, std::vector<std::string>& 
       [&](const SlicePose& b) { return (b.axes - a.axes).cwiseAbs().maxCoeff() > kSameDirection; });
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Fills the order of `stack`. Slices at one place become one entry.
 void order_by_depth(const std::vector<SlicePose>& slices, double tolerance, SliceStack& stack) {
   std::vector<int> sorted(slices.size());
@@ -67,7 +62,8 @@ void order_by_depth(const std::vector<SlicePose>& slices, double tolerance, Slic
     if (gap > kSamePlaceMm) gaps.push_back(gap);
   }
   const double same_place_mm =
-      gaps.empty() ? kSamePlaceMm : std::max(kSamePlaceMm, tolerance * median(gaps));
+      gaps.empty() ? kSamePlaceMm
+                   : std::max(kSamePlaceMm, tolerance * value_of_rank(gaps, gaps.size() / 2));
 
   const SlicePose& first = slices[static_cast<std::size_t>(sorted.front())];
   for (const int i : sorted) {
@@ -148,7 +144,8 @@ SliceStack stack_slices(const std::vector<SlicePose>& slices, double tolerance) 
         "be >= 2 at different places");
     return stack;
   }
-  stack.spacing_mm = median(gaps_of(stack.depth_mm));
+  const std::vector<double> gaps = gaps_of(stack.depth_mm);
+  stack.spacing_mm = value_of_rank(gaps, gaps.size() / 2);
   find_grid(slices, tolerance, stack);
   return stack;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "order_statistics.h"
 #include "registration/evidence/acquisition_check.h"
 #include "registration/evidence/doubts.h"
 #include "registration/evidence/expected_error.h"
@@ -19,12 +20,6 @@ namespace usct::registration {
 namespace {
 
 using Eigen::Vector3d;
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
 
 /// The factor by which a pose has more similarity than another. It is limited, since the other may
 /// be next to 0.
