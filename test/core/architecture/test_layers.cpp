@@ -218,6 +218,50 @@ TEST(Layers, PhantomSharesNoCodeWithTheSimulationOfUltrasoundFromCt) {
         EXPECT_NE(part.string(), forbidden) << file;
 }
 
+/// The name of the folder directly below `parent` in which a file lies; empty if it is in none.
+std::string folder_below(const fs::path& parent, const fs::path& file) {
+  const std::string path = file.lexically_relative(parent).generic_string();
+  const std::size_t slash = path.find('/');
+  return path.rfind("..", 0) == 0 || slash == std::string::npos ? "" : path.substr(0, slash);
+}
+
+/// Expects that the folders below `parent` are those of `order`, and that each includes only itself
+/// and those of earlier entries. Files that lie in none of them are not looked at.
+void expect_order(const fs::path& parent, const std::vector<std::set<std::string>>& order) {
+  std::map<std::string, std::size_t> rank;
+  for (std::size_t i = 0; i < order.size(); ++i)
+    for (const std::string& folder : order[i]) rank[folder] = i;
+  std::set<std::string> seen;
+  int downwards = 0;
+  for (const fs::path& file : files_below(parent)) {
+    const std::string from = folder_below(parent, file);
+    if (from.empty()) continue;
+    ASSERT_EQ(rank.count(from), 1U) << file;
+    seen.insert(from);
+    for (const fs::path& included : included_by(file)) {
+      const std::string to = folder_below(parent, included);
+      if (to.empty() || to == from) continue;
+      EXPECT_LT(rank.at(to), rank.at(from)) << file << " includes " << included;
+      ++downwards;
+    }
+  }
+  EXPECT_EQ(seen.size(), rank.size());
+  EXPECT_GE(downwards, static_cast<int>(rank.size()) - 1);  // the search finds existing includes
+}
+
+TEST(Layers, FoldersOfTheRegistrationFollowItsSteps) {
+  expect_order(kCore / "registration", {{"images"}, {"search"}, {"evidence"}, {"attempts"}});
+}
+
+TEST(Layers, FoldersOfTheRosInterfaceKnowNoNodeAboveThem) {
+  expect_order(kRoot / "src" / "ros", {{"node"},
+                                       {"conversions"},
+                                       {"tf"},
+                                       {"alignment", "bags", "ct", "ingest", "registration"},
+                                       {"fusion", "operator", "overlay"},
+                                       {"crtk", "slicer"}});
+}
+
 TEST(Layers, TheCoreIncludesNoRosHeader) {
   const std::regex ros(
       R"(^(ros|rosbag|roscpp|tf2\w*|nodelet|actionlib|pluginlib|topic_tools|diagnostic_updater|image_transport|\w+_msgs)/.*)");
