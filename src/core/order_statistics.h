@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace usct {
 
-/// The value of a rank, which counts from 0 and is below the number of values. None may be NaN.
+/// The value of a rank, which counts from 0 and is below the number of values. Here and below there
+/// must be one value at least, and none may be NaN.
 template <typename Value>
 Value value_of_rank(std::vector<Value> values, std::size_t rank) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(rank);

@@ -86,7 +86,7 @@ enum class EvidenceSource {
   kOwn,       // those of the registration: its similarities must be 0 by chance, and not negative
   kOwnFirst,  // the same for a pose of the first round that they leave beyond doubt; for all others
               // the registration goes on as the preset `patient`, whose result it then has
-  kPatient,   // those of the preset `patient`, for the pose that all rounds together find
+  kPatient,   // those of the preset `patient`, whatever found the pose
 };
 
 constexpr auto words_of(EvidenceSource) {

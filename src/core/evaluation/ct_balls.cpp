@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "evaluation/bright_components.h"
+#include "order_statistics.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/ball_detection.h"
@@ -182,9 +183,7 @@ class BallFit {
       if (distance > reach_mm_ && distance < outer_mm) shell.push_back(value(v));
     });
     if (shell.empty()) return 0.0;
-    const auto middle = shell.begin() + static_cast<std::ptrdiff_t>(shell.size() / 2);
-    std::nth_element(shell.begin(), middle, shell.end());
-    return *middle;
+    return value_of_rank(shell, shell.size() / 2);
   }
 
   void update(std::size_t own, std::vector<Measured>& balls) const {

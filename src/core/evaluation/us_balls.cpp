@@ -3,6 +3,7 @@
 #include <optional>
 #include <tuple>
 
+#include "order_statistics.h"
 #include "require.h"
 #include "us_ct_registration/evaluation/ball_detection.h"
 #include "us_ct_registration/geometry/beam_grid.h"
@@ -119,9 +120,7 @@ class EchoSearch {
     for (int s = 2 * depth_reach_; s <= 4 * depth_reach_; ++s)
       if (is_inside(v - Vector3i(s, 0, 0))) values.push_back(value(v - Vector3i(s, 0, 0)));
     if (values.empty()) return 255.0;
-    const auto rank = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
-    std::nth_element(values.begin(), rank, values.end());
-    return *rank;
+    return value_of_rank(values, values.size() * 9 / 10);
   }
 
   /// The echo's position between the samples, lines and frames; none if the echo reaches a border.

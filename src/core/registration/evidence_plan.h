@@ -4,7 +4,7 @@
 
 namespace usct::registration {
 
-/// Which evidence decides about a pose: the one reading of ConfidenceOptions::evidence.
+/// Which evidence decides about a pose, by ConfidenceOptions::evidence.
 class EvidencePlan {
  public:
   explicit EvidencePlan(const ConfidenceOptions& options)
@@ -18,8 +18,6 @@ class EvidencePlan {
   bool may_need_patient() const { return gathers() && source_ != EvidenceSource::kOwn; }
   /// Whether the registration goes on as the preset `patient` where its own evidence leaves doubt.
   bool may_go_on_as_patient() const { return gathers() && source_ == EvidenceSource::kOwnFirst; }
-  /// Whether it does so for a pose with these measures.
-  bool goes_on_as_patient(const Measures& measures) const;
   /// Whether the gate on the evidence lets a pose pass; it does if there is none.
   bool accepts(const Measures& measures) const;
 

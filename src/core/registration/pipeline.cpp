@@ -23,14 +23,14 @@ Outcome<std::optional<Registration>> by_own_search(const RegistrationInput& inpu
   const Outcome<ImagePyramid> images = prepare(input, run);
   if (!images) return images.refusal();
   run.report(0.2);
-  const SearchProblem problem = problem_of(input, *images);
-  const Attempt attempt{input, *images, problem, run};
+  const Attempt attempt = attempt_on(*images, input, run);
   const EvidencePlan plan(input.options.confidence);
-  if (lead != nullptr)
+  const bool has_own_evidence = !plan.is_judged_as_patient();
+  if (lead != nullptr && has_own_evidence)
     if (std::optional<Registration> found = tracked(attempt, *lead)) return found;
   if (plan.may_go_on_as_patient()) return at_once(attempt);
   const Outcome<Registration> found =
-      plan.is_judged_as_patient() ? judged_as_patient(attempt) : in_rounds(attempt);
+      has_own_evidence ? in_rounds(attempt) : judged_as_patient(attempt);
   if (!found) return found.refusal();
   return std::optional(*found);
 }
@@ -42,7 +42,7 @@ Outcome<Registration> registered(const RegistrationInput& input, const Lead* lea
   if (*found) return **found;
   constexpr double kCompared = 0.6;  // as far as a pose in doubt has come
   run.begin_part(kCompared, 1.0);
-  const RegistrationOptions patient = as_patient(input.options);
+  const RegistrationOptions patient = as_patient(input.options);  // they leave nothing to others
   found = by_own_search({input.ultrasound, input.ct, input.T_us_ct_initial, patient}, nullptr, run);
   if (!found) return found.refusal();
   (*found)->by_patient = true;

@@ -191,7 +191,8 @@ void validate_together(const std::vector<BagAcquisition>& acquisitions, const Ba
     throw InputError("bag", "poses cannot go to tf: frames of a motorised probe have angles");
 }
 
-void require(bool fulfilled, const std::string& option, double value, const char* constraint) {
+void require_option(bool fulfilled, const std::string& option, double value,
+                    const char* constraint) {
   if (!fulfilled)
     throw InputError("bag",
                      "'" + option + "' is " + std::to_string(value) + ", must be " + constraint);
@@ -206,13 +207,13 @@ void require_frame(const std::string& option, const std::string& frame) {
 }  // namespace
 
 void BagOptions::validate() const {
-  require(start.toSec() >= 3.0, "start", start.toSec(), ">= 3 s after the epoch");
-  require(std::isfinite(frame_rate_hz) && frame_rate_hz > 0.0, "frame_rate_hz", frame_rate_hz,
-          "> 0");
-  require(std::isfinite(pause_s) && pause_s >= 3.0, "pause_s", pause_s, ">= 3");
-  require(std::isfinite(retract_mm) && retract_mm >= 0.0, "retract_mm", retract_mm, ">= 0");
-  require(std::isfinite(endoscope_delay_s) && endoscope_delay_s >= 1.0, "endoscope_delay_s",
-          endoscope_delay_s, ">= 1");
+  require_option(start.toSec() >= 3.0, "start", start.toSec(), ">= 3 s after the epoch");
+  require_option(std::isfinite(frame_rate_hz) && frame_rate_hz > 0.0, "frame_rate_hz",
+                 frame_rate_hz, "> 0");
+  require_option(std::isfinite(pause_s) && pause_s >= 3.0, "pause_s", pause_s, ">= 3");
+  require_option(std::isfinite(retract_mm) && retract_mm >= 0.0, "retract_mm", retract_mm, ">= 0");
+  require_option(std::isfinite(endoscope_delay_s) && endoscope_delay_s >= 1.0, "endoscope_delay_s",
+                 endoscope_delay_s, ">= 1");
   require_frame("fixed_frame", fixed_frame);
   require_frame("us_frame", us_frame);
   require_frame("array_frame", array_frame);

@@ -59,7 +59,7 @@ geometry_msgs::Transform to_message(const Eigen::Isometry3d& T_mm) {
   return transform;
 }
 
-CovarianceMessage to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm) {
+CovarianceMessage covariance_to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm) {
   CovarianceMessage message;
   for (int row = 0; row < 6; ++row)
     for (int column = 0; column < 6; ++column)

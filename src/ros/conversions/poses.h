@@ -33,7 +33,7 @@ geometry_msgs::Pose to_pose_message(const Eigen::Isometry3d& T_mm);
 
 /// Covariances of a small motion: (rotation, translation) in rad and mm in the core, (translation,
 /// rotation) in m and rad in messages. The values are not checked.
-CovarianceMessage to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm);
+CovarianceMessage covariance_to_message(const Eigen::Matrix<double, 6, 6>& covariance_mm);
 Eigen::Matrix<double, 6, 6> covariance_from_message_mm(const CovarianceMessage& covariance_m);
 
 geometry_msgs::TransformStamped stamped_transform(const ::ros::Time& stamp,

@@ -60,7 +60,7 @@ msg::RegistrationResult to_message(const RegistrationResult& result) {
   message.status.code = status_code(result.status);
   message.status.message = result.message;
   if (result.T_us_ct) message.transform = to_message(*result.T_us_ct);
-  if (result.covariance) message.covariance = to_message(*result.covariance);
+  if (result.covariance) message.covariance = covariance_to_message(*result.covariance);
   message.similarity = result.similarity;
   message.overlap = result.overlap;
   for (const RegistrationCandidate& candidate : result.candidates) {

@@ -20,7 +20,7 @@ namespace usct::ros_interface {
 namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
-using Status = us_ct_registration::OverlayStatus;
+using us_ct_registration::OverlayStatus;
 
 const Picture::Colour kRed(255, 80, 80);
 const Picture::Colour kAmber(255, 190, 60);
@@ -98,7 +98,7 @@ void OverlayPainter::widen_bounds(const Eigen::Isometry3d& T_camera_ct,
 }
 
 void OverlayPainter::draw(const OverlayJob& job, const OverlayScene& scene, const ImageView& image,
-                          Status& status) {
+                          OverlayStatus& status) {
   if (!job.info) throw std::runtime_error(job.problem);
   if (!scene.refusal.empty()) throw std::runtime_error(scene.refusal);
   const CameraModel model = camera_model(*job.info, job.use, "camera_info");
@@ -121,12 +121,12 @@ void OverlayPainter::draw(const OverlayJob& job, const OverlayScene& scene, cons
       status.error_bound = std::fmax(status.error_bound, *structures[i].bound_mm / kMmPerM);
   }
   status.result_id = scene.result_id;
-  status.state = Status::DRAWN;
+  status.state = OverlayStatus::DRAWN;
 }
 
 Overlay OverlayPainter::paint(const OverlayJob& job) {
   Overlay overlay;
-  Status& status = overlay.status;
+  OverlayStatus& status = overlay.status;
   status.header = job.image->header;
   status.error_bound = std::numeric_limits<double>::quiet_NaN();
   const OverlayScene scene = keeper_.at(job.image->header.stamp);
@@ -140,7 +140,7 @@ Overlay OverlayPainter::paint(const OverlayJob& job) {
   }
   if (!refusal.empty()) {
     // What was drawn before it was refused is forgotten.
-    status.state = Status::NOTHING;
+    status.state = OverlayStatus::NOTHING;
     status.in_view.clear();
     status.error_bound = std::numeric_limits<double>::quiet_NaN();
     status.result_id = 0;
@@ -160,7 +160,7 @@ Overlay OverlayPainter::paint(const OverlayJob& job) {
     line = write_text(image, warning, line, kAmber);
     status.message += (status.message.empty() ? "" : "; ") + warning;
   }
-  if (is_drawn && !warnings.empty()) status.state = Status::DRAWN_WITH_WARNING;
+  if (is_drawn && !warnings.empty()) status.state = OverlayStatus::DRAWN_WITH_WARNING;
   return overlay;
 }
 

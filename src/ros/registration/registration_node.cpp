@@ -7,9 +7,9 @@
 
 #include "ros/conversions/times.h"
 #include "ros/node/guarded_queue.h"
-#include "ros/node/publisher_check.h"
 #include "ros/node/refusal.h"
 #include "ros/node/status.h"
+#include "ros/registration/publisher_check.h"
 
 namespace usct::ros_interface {
 namespace {

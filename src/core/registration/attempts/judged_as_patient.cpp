@@ -1,23 +1,21 @@
 #include "registration/attempts/judged_as_patient.h"
 
 #include "registration/as_patient.h"
-#include "registration/attempts/judged.h"
 #include "registration/attempts/verdict.h"
-#include "registration/search/refinement.h"
+#include "registration/evidence/doubts.h"
 
 namespace usct::registration {
 namespace {
 
-/// The optima of the search of `patient`, first the one that a pose leads to which another search
-/// has found.
-std::vector<Candidate> optima_around(const Candidate& refined, const Attempt& patient) {
-  const FieldPoints& field = patient.problem.field;
+/// The optimum that a pose leads to, which another search has found, before the optima of the
+/// search of `patient`.
+std::vector<Candidate> headed_by_own(const Candidate& pose, const std::vector<Candidate>& searched,
+                                     const Attempt& patient) {
   const double rival_mm = patient.input.options.confidence.rival_mm;
-  const std::vector<Candidate> searched = multi_start(patient.problem, 0, {}, patient.run);
-  const Candidate own = optimum_near(patient.problem, refined.T_us_ct, rival_mm, patient.run);
+  const Candidate own = optimum_near(patient.problem, pose.T_us_ct, rival_mm, patient.run);
   std::vector<Candidate> optima{own};
   for (const Candidate& found : searched) {
-    if (field.distance_mm(found.T_us_ct, own.T_us_ct) > rival_mm)
+    if (patient.problem.field.distance_mm(found.T_us_ct, own.T_us_ct) > rival_mm)
       optima.push_back(found);
     else if (found.value > optima.front().value)
       optima.front() = found;  // the same optimum, climbed higher
@@ -26,48 +24,60 @@ std::vector<Candidate> optima_around(const Candidate& refined, const Attempt& pa
 }
 
 /// Completes the measures of a pose that so many rounds of another search have found by the
-/// evidence of `patient`.
-Outcome<Assessment> assessed_as_patient(const RegistrationInput& other, const Candidate& refined,
+/// evidence of `patient`. Its search is a part of the evidence here, also in the times of the
+/// steps.
+Outcome<Assessment> assessed_as_patient(const RegistrationInput& other, const Candidate& pose,
                                         const Measures& measured, int rounds, Run& run) {
   const RegistrationOptions options = as_patient(other.options);
   const RegistrationInput input{other.ultrasound, other.ct, other.T_us_ct_initial, options};
   const Outcome<ImagePyramid> images = prepare(input, run);
   if (!images) return images.refusal();
-  const SearchProblem problem = problem_of(input, *images);
-  Evidence evidence({input.ultrasound, input.ct.ct(), *images, problem, input.options.confidence});
+  const Attempt patient = attempt_on(*images, input, run);
+  Evidence evidence(
+      {input.ultrasound, input.ct.ct(), *images, patient.problem, options.confidence});
   evidence.search_decoys_further(rounds);
-  const std::vector<Candidate> optima = optima_around(refined, {input, *images, problem, run});
+  const std::vector<Candidate> optima =
+      headed_by_own(pose, multi_start(patient.problem, 0, {}, run), patient);
   Assessment assessment;
   assessment.measures = measured;
   evidence.compare(optima, assessment, run);
-  evidence.check(refined, assessment, run);
+  evidence.check(pose, assessment, run);
   evidence.settle(optima.front(), assessment, run);
   return assessment;
+}
+
+/// Refines and judges the best of the optima that so many rounds have found.
+Outcome<Judged> refined_and_judged(const Attempt& attempt, const std::vector<Candidate>& optima,
+                                   int rounds) {
+  const Outcome<Candidate> pose = refined(attempt, optima.front());
+  if (!pose) return pose.refusal();
+  Measures measured;
+  measure_pose(attempt, optima.front(), *pose, measured);
+  const Outcome<Assessment> assessment = attempt.run.timed("confidence", [&] {
+    return assessed_as_patient(attempt.input, *pose, measured, rounds, attempt.run);
+  });
+  if (!assessment) return assessment.refusal();
+  const GateLimits& gates = attempt.input.options.confidence.gates;
+  return Judged{optima, *pose, *assessment, judge(assessment->measures, gates)};
 }
 
 }  // namespace
 
 Outcome<Registration> judged_as_patient(const Attempt& attempt) {
-  const RegistrationInput& in = attempt.input;
-  const int rounds = in.options.search.rounds;
+  const int rounds = attempt.input.options.search.rounds;
   std::vector<Candidate> optima;
-  for (int round = 0; round < rounds; ++round) optima = searched(attempt, round, std::move(optima));
-  if (optima.empty()) return nothing_in_reach();
-  attempt.run.report(0.6);
-  const Outcome<Candidate> refined =
-      refine(attempt.images, in.ct, optima.front(), in.options, attempt.run);
-  if (!refined) return refined.refusal();
-  Measures measures;
-  measure_pose(attempt.problem.field, in.T_us_ct_initial, optima.front(), *refined, measures);
-  const Outcome<Assessment> assessment = attempt.run.timed("confidence", [&] {
-    return assessed_as_patient(in, *refined, measures, rounds, attempt.run);
-  });
-  if (!assessment) return assessment.refusal();
-  const std::optional<GateFailure> failure =
-      judge(assessment->measures, in.options.confidence.gates);
-  Registration registration;
-  registration.result = result_of({optima, *refined, *assessment, failure});
-  return registration;
+  for (int round = 1;; ++round) {
+    optima = searched(attempt, round - 1, std::move(optima));
+    if (optima.empty()) return nothing_in_reach();
+    const Outcome<Judged> best = refined_and_judged(attempt, optima, round);
+    if (!best) return best.refusal();
+    attempt.run.report(0.2 + 0.8 * round / rounds);
+    if (!best->failure || round == rounds || !may_be_missed(best->assessment.measures)) {
+      Registration registration;
+      registration.result = result_of(*best);
+      return registration;
+    }
+  }
 }
 
 }  // namespace usct::registration

@@ -5,8 +5,9 @@
 
 namespace usct::registration {
 
-/// The pose that all rounds of the search find, judged by the evidence that the preset `patient`
-/// gathers for it on images of its own.
+/// Each round searches, and judges what it finds by the evidence that the preset `patient` gathers
+/// on images of its own, until the pose passes the gates, or the evidence says that another round
+/// would not help.
 Outcome<Registration> judged_as_patient(const Attempt& attempt);
 
 }  // namespace usct::registration

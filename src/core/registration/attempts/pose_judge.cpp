@@ -1,16 +1,8 @@
 #include "registration/attempts/pose_judge.h"
 
 #include "registration/evidence/doubts.h"
-#include "registration/search/refinement.h"
 
 namespace usct::registration {
-
-void measure_pose(const FieldPoints& field, const Eigen::Isometry3d& T_us_ct_initial,
-                  const Candidate& optimum, const Candidate& refined, Measures& measures) {
-  measures.overlap = refined.overlap;
-  measures.displacement_mm = field.distance_mm(refined.T_us_ct, T_us_ct_initial);
-  measures.disagreement_mm = field.distance_mm(refined.T_us_ct, optimum.T_us_ct);
-}
 
 PoseJudge::PoseJudge(const Attempt& attempt)
     : attempt_(attempt),
@@ -18,12 +10,12 @@ PoseJudge::PoseJudge(const Attempt& attempt)
       evidence_({attempt.input.ultrasound, attempt.input.ct.ct(), attempt.images, attempt.problem,
                  attempt.input.options.confidence}) {}
 
-bool PoseJudge::clusters_agree(const Candidate& refined) {
+bool PoseJudge::blocks_agree(const Candidate& refined) {
   return attempt_.run.timed("confidence",
-                            [&] { return evidence_.clusters_agree(refined, attempt_.run); });
+                            [&] { return evidence_.blocks_agree(refined, attempt_.run); });
 }
 
-Assessment PoseJudge::compare(const std::vector<Candidate>& optima) {
+Assessment PoseJudge::compared(const std::vector<Candidate>& optima) {
   Assessment assessment;
   assessment.measures.displacement_mm =
       attempt_.problem.field.distance_mm(optima.front().T_us_ct, attempt_.problem.T_us_ct_initial);
@@ -32,91 +24,96 @@ Assessment PoseJudge::compare(const std::vector<Candidate>& optima) {
   return assessment;
 }
 
+bool PoseJudge::goes_on_as_patient(const Measures& measures) const {
+  return plan_.may_go_on_as_patient() &&
+         !is_beyond_doubt(measures, *attempt_.input.options.confidence.gates.max_wrong_probability);
+}
+
 bool PoseJudge::parts_could_save(const Assessment& compared) const {
   const Measures best = if_parts_agree(compared.measures);
   if (!best.wrong_probability) return true;
-  return !plan_.goes_on_as_patient(best) && (plan_.accepts(best) || !may_be_missed(best));
+  return !goes_on_as_patient(best) && (plan_.accepts(best) || !may_be_missed(best));
 }
 
-Judged PoseJudge::judge(std::vector<Candidate> optima, Assessment compared,
-                        const Candidate& refined) {
+Judged PoseJudge::judged(std::vector<Candidate> optima, Assessment compared,
+                         const Candidate& refined) {
   Run& run = attempt_.run;
   Measures& measures = compared.measures;
-  measure_pose(attempt_.problem.field, attempt_.problem.T_us_ct_initial, optima.front(), refined,
-               measures);
+  measure_pose(attempt_, optima.front(), refined, measures);
   if (plan_.gathers())
     run.timed("confidence", [&] {
       evidence_.check(refined, compared, run);
       // Evidence that takes long is not worth it for a pose in doubt if the registration goes on.
-      if (!plan_.goes_on_as_patient(measures)) evidence_.settle(optima.front(), compared, run);
+      if (!goes_on_as_patient(measures)) evidence_.settle(optima.front(), compared, run);
     });
   const std::optional<GateFailure> failure =
-      usct::judge(measures, attempt_.input.options.confidence.gates);
+      judge(measures, attempt_.input.options.confidence.gates);
   return {std::move(optima), refined, std::move(compared), failure};
 }
 
-Judged PoseJudge::judge_where_it_led(std::vector<Candidate> optima, const Assessment& compared,
-                                     const Candidate& refined) {
+Judged PoseJudge::judged_where_it_led(std::vector<Candidate> optima, const Assessment& compared,
+                                      const Candidate& refined) {
   const std::optional<Candidate> other = other_optimum(optima.front(), refined);
-  if (!other) return judge(std::move(optima), compared, refined);
-  return judge_beside_more(headed_by(*other, optima, attempt_.problem), refined, 1);
+  if (!other) return judged(std::move(optima), compared, refined);
+  return judged_beside_more(headed_by(*other, optima, attempt_.problem), refined, 1);
 }
 
-Judged PoseJudge::judge_beside_more(std::vector<Candidate> optima, const Candidate& refined,
-                                    int rounds) {
+Judged PoseJudge::judged_beside_more(std::vector<Candidate> optima, const Candidate& refined,
+                                     int rounds) {
   evidence_.search_decoys_further(rounds);
-  const Assessment compared = compare(optima);
-  return judge(std::move(optima), compared, refined);
+  Assessment beside_more = compared(optima);
+  return judged(std::move(optima), std::move(beside_more), refined);
+}
+
+Outcome<Judged> PoseJudge::refined_and_judged(const std::vector<Candidate>& optima,
+                                              const Assessment& compared, int rounds) {
+  const Outcome<Candidate> pose = refined(attempt_, optima.front());
+  if (!pose) return pose.refusal();
+  Judged best = judged_where_it_led(optima, compared, *pose);
+  // More starts than the decoys had may have found a wrong pose that is better than they are.
+  if (!best.failure && rounds > 1) return judged_beside_more(std::move(best.optima), *pose, rounds);
+  return best;
 }
 
 Judged PoseJudge::follow_wished_motion(Judged refused, int rounds) {
   constexpr int kMostSteps = 3;
   for (int step = 0; step < kMostSteps && refused.failure; ++step) {
-    std::optional<Judged> next = followed(refused, rounds);
+    std::optional<Judged> next = one_step_on(refused, rounds);
     if (!next) break;
     refused = *std::move(next);
   }
   return refused;
 }
 
-std::optional<Judged> PoseJudge::followed(const Judged& refused, int rounds) {
+std::optional<Judged> PoseJudge::one_step_on(const Judged& refused, int rounds) {
   const std::optional<Candidate> optimum = wished_optimum(refused);
   if (!optimum) return std::nullopt;
-  const RegistrationInput& in = attempt_.input;
-  const Outcome<Candidate> refined =
-      refine(attempt_.images, in.ct, *optimum, in.options, attempt_.run);
-  if (!refined || !is_another_pose(refined->T_us_ct, refused)) return std::nullopt;
+  const Outcome<Candidate> pose = refined(attempt_, *optimum);
+  if (!pose || !is_another_pose(pose->T_us_ct, refused)) return std::nullopt;
   std::vector<Candidate> optima = headed_by(*optimum, refused.optima, attempt_.problem);
-  const Assessment compared = compare(optima);
-  Judged next = judge(std::move(optima), compared, *refined);
+  Assessment at_optimum = compared(optima);
+  Judged next = judged(std::move(optima), std::move(at_optimum), *pose);
   if (!(next.assessment.measures.local_agreement > refused.assessment.measures.local_agreement))
     return std::nullopt;
   // The decoys have not climbed from there yet.
-  if (!next.failure) return judge_beside_more(std::move(next.optima), *refined, rounds);
+  if (!next.failure) return judged_beside_more(std::move(next.optima), *pose, rounds);
   return next;
 }
 
 bool PoseJudge::has_left(const Candidate& optimum, const Candidate& refined) const {
   return attempt_.problem.field.are_apart(optimum.T_us_ct, refined.T_us_ct,
-                                          attempt_.input.options.search.distinct_mm);
+                                          attempt_.problem.options.distinct_mm);
 }
 
 bool PoseJudge::is_believed(const Judged& judged) const {
-  return !judged.failure && !plan_.goes_on_as_patient(judged.assessment.measures);
-}
-
-Candidate PoseJudge::optimum_from(const Eigen::Isometry3d& T_us_ct) const {
-  return attempt_.run.timed("search", [&] {
-    return optimum_near(attempt_.problem, T_us_ct, attempt_.input.options.confidence.rival_mm,
-                        attempt_.run);
-  });
+  return !judged.failure && !goes_on_as_patient(judged.assessment.measures);
 }
 
 std::optional<Candidate> PoseJudge::other_optimum(const Candidate& optimum,
                                                   const Candidate& refined) const {
   if (!plan_.gathers() || !has_left(optimum, refined)) return std::nullopt;
-  const Candidate reached = optimum_from(refined.T_us_ct);
-  if (!reached.has_value() || !has_left(optimum, reached)) return std::nullopt;
+  const std::optional<Candidate> reached = optimum_from(attempt_, refined.T_us_ct);
+  if (!reached || !has_left(optimum, *reached)) return std::nullopt;
   return reached;
 }
 
@@ -130,8 +127,8 @@ std::optional<Candidate> PoseJudge::wished_optimum(const Judged& judged) const {
   if (!assessment.wished_motion || !may_be_near(assessment.measures)) return std::nullopt;
   const Eigen::Isometry3d T_wished = *assessment.wished_motion * judged.refined.T_us_ct;
   if (!is_another_pose(T_wished, judged)) return std::nullopt;
-  const Candidate reached = optimum_from(T_wished);
-  if (!reached.has_value() || !is_another_pose(reached.T_us_ct, judged)) return std::nullopt;
+  const std::optional<Candidate> reached = optimum_from(attempt_, T_wished);
+  if (!reached || !is_another_pose(reached->T_us_ct, judged)) return std::nullopt;
   return reached;
 }
 

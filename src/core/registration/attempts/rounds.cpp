@@ -6,7 +6,6 @@
 #include "registration/attempts/verdict.h"
 #include "registration/evidence/doubts.h"
 #include "registration/search/block_search.h"
-#include "registration/search/refinement.h"
 
 namespace usct::registration {
 namespace {
@@ -28,16 +27,11 @@ Registration likelier(Registration one, std::optional<Registration> other) {
   return other && wrong(*other) < wrong(one) ? *std::move(other) : std::move(one);
 }
 
-Outcome<Candidate> refined_best(const Attempt& attempt, const std::vector<Candidate>& optima) {
-  const RegistrationInput& in = attempt.input;
-  return refine(attempt.images, in.ct, optima.front(), in.options, attempt.run);
-}
-
 /// The registration that ends with this pose, and the trail from it.
 Registration ended(const Attempt& attempt, const PoseJudge& judge, const Judged& judged) {
   Registration registration;
   registration.result = result_of(judged);
-  if (!judged.failure && judge.plan().gathers() && judge.decoys())
+  if (!judged.failure && judge.decoys())
     registration.trail = Trail{
         judged.refined.T_us_ct,
         *judge.decoys(),
@@ -47,8 +41,8 @@ Registration ended(const Attempt& attempt, const PoseJudge& judge, const Judged&
 }
 
 /// The pose of one round of the search from matched blocks, whether it is believed or not; none if
-/// blocks cannot be matched, or clusters of the field agree so little about it that it cannot be
-/// believed.
+/// blocks cannot be matched, or blocks of the field agree so little about it that it cannot be
+/// believed. It leaves no trail: tracking climbs by the similarity of the other search.
 std::optional<Registration> by_matched_blocks(const Attempt& of) {
   if (!EvidencePlan(of.input.options.confidence).gathers()) return std::nullopt;
   const std::unique_ptr<const BlockSearch> search = block_search(of.input, of.images);
@@ -57,27 +51,14 @@ std::optional<Registration> by_matched_blocks(const Attempt& of) {
   PoseJudge judge(attempt);
   const std::vector<Candidate> optima = searched(attempt, 0, {});
   if (optima.empty() || !optima.front().has_value()) return std::nullopt;
-  const Outcome<Candidate> refined = refined_best(attempt, optima);
-  if (!refined || !judge.clusters_agree(*refined)) return std::nullopt;
-  Judged best = judge.judge_where_it_led(optima, judge.compare(optima), *refined);
+  const Outcome<Candidate> pose = refined(attempt, optima.front());
+  if (!pose || !judge.blocks_agree(*pose)) return std::nullopt;
+  Judged best = judge.judged_where_it_led(optima, judge.compared(optima), *pose);
   best = judge.follow_wished_motion(std::move(best), 1);
-  Registration registration = ended(attempt, judge, best);
+  Registration registration;
+  registration.result = result_of(best);
   registration.by_matched_blocks = true;
-  registration.trail.reset();  // tracking climbs by the similarity of the other search
   return registration;
-}
-
-/// The best optimum, which so many rounds have found, after its refinement.
-Outcome<Judged> refined_and_judged(const Attempt& attempt, PoseJudge& judge,
-                                   const std::vector<Candidate>& optima, const Assessment& compared,
-                                   int rounds) {
-  const Outcome<Candidate> refined = refined_best(attempt, optima);
-  if (!refined) return refined.refusal();
-  Judged best = judge.judge_where_it_led(optima, compared, *refined);
-  // More starts than the decoys had may have found a wrong pose that is better than they are.
-  if (!best.failure && rounds > 1)
-    return judge.judge_beside_more(std::move(best.optima), *refined, rounds);
-  return best;
 }
 
 }  // namespace
@@ -89,8 +70,10 @@ Outcome<Registration> in_rounds(const Attempt& attempt) {
   std::vector<Eigen::Isometry3d> refused;
   std::optional<Registration> matched;
   for (int round = 0;; ++round) {
-    if (round == 1) matched = by_matched_blocks(attempt);
-    if (matched && is_registered(*matched)) return *std::move(matched);
+    if (round == 1) {
+      matched = by_matched_blocks(attempt);
+      if (matched && is_registered(*matched)) return *std::move(matched);
+    }
     optima = searched(attempt, round, std::move(optima));
     if (optima.empty()) return nothing_in_reach();
     attempt.run.report(0.2 + 0.8 * (round + 0.5) / rounds);
@@ -99,9 +82,9 @@ Outcome<Registration> in_rounds(const Attempt& attempt) {
     const bool was_refused = contains(refused, T_best);
     // Judged again, it would be refused again.
     if (!is_last && was_refused) continue;
-    const Assessment compared = judge.compare(optima);
+    const Assessment compared = judge.compared(optima);
     if (!is_last && !judge.parts_could_save(compared)) continue;
-    Outcome<Judged> best = refined_and_judged(attempt, judge, optima, compared, round + 1);
+    Outcome<Judged> best = judge.refined_and_judged(optima, compared, round + 1);
     if (!best) return best.refusal();
     if (!was_refused) *best = judge.follow_wished_motion(*std::move(best), round + 1);
     optima = best->optima;
@@ -121,10 +104,10 @@ std::optional<Registration> at_once(const Attempt& attempt) {
   PoseJudge judge(attempt);
   const std::vector<Candidate> optima = searched(attempt, 0, {});
   if (optima.empty()) return std::nullopt;
-  const Assessment compared = judge.compare(optima);
+  const Assessment compared = judge.compared(optima);
   attempt.run.report(0.6);
   if (!judge.parts_could_save(compared)) return std::nullopt;
-  const Outcome<Judged> best = refined_and_judged(attempt, judge, optima, compared, 1);
+  const Outcome<Judged> best = judge.refined_and_judged(optima, compared, 1);
   if (!best || !judge.is_believed(*best)) return std::nullopt;
   return ended(attempt, judge, *best);
 }

@@ -94,7 +94,7 @@ void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run)
   assessment.measures.wrong_probability = wrong_probability(assessment.measures);
 }
 
-bool Evidence::clusters_agree(const Candidate& pose, Run& run) const {
+bool Evidence::blocks_agree(const Candidate& pose, Run& run) const {
   // Standard errors by which the gain must differ from nothing. In strangers' CTs hardly any pose
   // of matched blocks reaches it; with less no pose has been believed.
   constexpr double kSure = 3.5;

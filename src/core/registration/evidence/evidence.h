@@ -53,8 +53,8 @@ class Evidence {
     decoy_rounds_ = rounds;
   }
 
-  /// Whether what clusters of the field gain by a pose is sure enough for it to be believed.
-  bool clusters_agree(const Candidate& pose, Run& run) const;
+  /// Whether what blocks of the field gain by a pose is sure enough for it to be believed.
+  bool blocks_agree(const Candidate& pose, Run& run) const;
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
   /// its rivals.
   void compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run);

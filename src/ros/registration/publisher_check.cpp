@@ -1,4 +1,4 @@
-#include "ros/node/publisher_check.h"
+#include "ros/registration/publisher_check.h"
 
 #include <ros/callback_queue.h>
 #include <ros/master.h>
