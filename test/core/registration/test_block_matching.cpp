@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/registration/registration_cases.h"
 #include "registration/evidence/decoys.h"
@@ -170,6 +171,32 @@ BeamUltrasound cube(int edge, bool varies) {
     }
   us.known.assign(us.brightness.size(), 1);
   return us;
+}
+
+/// Beams that are parallel have patches side by side, so that neighbours are as far apart as they
+/// are wide.
+TEST(BlockMatching, ItsPosesClimbByPatchesOfTwelveMillimetres) {
+  RegistrationCase images = agar_case();
+  images.us = cube(72, true);
+  const Isometry3d initial =
+      Eigen::Translation3d(Vector3d::Constant(36.0) - middle_us_mm(images)) * images.T_us_ct_true;
+  Matched matched(images, initial);
+  const auto search = registration::block_search(matched.input(), matched.images());
+  ASSERT_NE(search, nullptr);
+  ASSERT_EQ(search->problem().similarities.size(), 1U);
+  const std::vector<Vector3d> middles_mm =
+      search->problem().similarities.front().all->part_centres_us_mm();
+  ASSERT_GE(middles_mm.size(), 2U);
+  std::vector<double> nearest_mm;
+  for (const Vector3d& one : middles_mm) {
+    double least_mm = std::numeric_limits<double>::infinity();
+    for (const Vector3d& other : middles_mm)
+      if (&one != &other) least_mm = std::min(least_mm, (one - other).norm());
+    nearest_mm.push_back(least_mm);
+  }
+  const auto median = nearest_mm.begin() + static_cast<std::ptrdiff_t>(nearest_mm.size() / 2);
+  std::nth_element(nearest_mm.begin(), median, nearest_mm.end());
+  EXPECT_NEAR(*median, 12.0, 0.5);
 }
 
 TEST(UltrasoundBlocks, AreNormalisedCubesSideBySide) {

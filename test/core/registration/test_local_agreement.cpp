@@ -43,13 +43,19 @@ RC_GTEST_PROP(LocalAgreement, IsWholeIfAllClustersWishThePose, ()) {
 
 const Vector3d kCornerMm(kStepMm, kStepMm, -kStepMm);
 
+/// The mean over the 27 translations of the contribution of a cluster of strength 1 with this wish.
+double mean_of_wish(const Vector3d& wished_mm) {
+  double sum = 0.0;
+  for (const int x : {-1, 0, 1})
+    for (const int y : {-1, 0, 1})
+      for (const int z : {-1, 0, 1})
+        sum += std::exp(-(Vector3d(x, y, z) - wished_mm / kStepMm).norm());
+  return sum / 27.0;
+}
+
 /// The share of its rise that a cluster reaches at the pose if it wishes a corner of the lattice.
 double share_off_a_corner() {
-  double sum = 0.0;
-  for (const int x : {0, 1, 2})
-    for (const int y : {0, 1, 2})
-      for (const int z : {0, 1, 2}) sum += std::exp(-std::sqrt(x * x + y * y + z * z));
-  const double mean = sum / 27.0;
+  const double mean = mean_of_wish(kCornerMm);
   return (std::exp(-std::sqrt(3.0)) - mean) / (1.0 - mean);
 }
 
@@ -112,6 +118,29 @@ TEST(LocalAgreement, TissueFarFromTheCentreDoesNotCount) {
   const Wishes wishes(wished);
   EXPECT_EQ(agreement_of(wishes, Isometry3d::Identity(), 25.0).value().tissue_motion_mm, 0.0);
   EXPECT_GT(agreement_of(wishes, Isometry3d::Identity(), 75.0).value().tissue_motion_mm, 3.0);
+}
+
+/// Two clusters that wish to stay and to lie at a corner, with four in between that make no
+/// difference: no group has both of them, however wide. What each can rise by is 3 and 1.
+Wishes three_to_one() {
+  const double stays = 1.0 - mean_of_wish(Vector3d::Zero());
+  const double moves = 1.0 - mean_of_wish(kCornerMm);
+  std::vector<Vector3d> wished(6, Vector3d::Zero());
+  wished.back() = kCornerMm;
+  return {wished, {3.0 / stays, 0.0, 0.0, 0.0, 0.0, 1.0 / moves}};
+}
+
+TEST(LocalAgreement, ClustersCountByTheRiseThatTheyCanReach) {
+  EXPECT_NEAR(agreement(three_to_one()), (3.0 + share_off_a_corner()) / 4.0 - by_chance(6), 1e-9);
+}
+
+/// The mean of the squares is a quarter of that of the corner's motion.
+TEST(LocalAgreement, MotionsOfTissueCountByTheRiseThatDependsOnThem) {
+  const LocalAgreement found = agreement_of(three_to_one()).value();
+  const LocalAgreement all = agreement_of(Wishes(std::vector<Vector3d>(6, kCornerMm))).value();
+  EXPECT_NEAR(found.tissue_motion_mm, 0.5 * kCornerMm.norm(), 1e-9);
+  EXPECT_NEAR(found.wide_motion_mm, 0.5 * kCornerMm.norm(), 1e-9);
+  EXPECT_NEAR(found.deformation_mm, 0.5 * all.deformation_mm, 1e-9);
 }
 
 TEST(Clusters, NeighboursAreThoseWhoseCubesTouch) {

@@ -219,6 +219,22 @@ TEST(RightProbability, HalvesMustAgreeByBothOfTheirSimilarities) {
   EXPECT_LT(right_probability(off)->all(), 0.1);
 }
 
+/// Nothing makes up for halves that move a pose by far; by how far then says no more.
+TEST(RightProbability, HalvesThatMoveAPoseVeryFarLeaveItImprobable) {
+  for (const auto halves : {&Measures::parts_mm, &Measures::ridge_parts_mm}) {
+    const auto anatomy = [&](double moved_mm) {
+      Measures torn = strong_measures();
+      torn.local_agreement = 0.9;
+      torn.*halves = moved_mm;
+      return right_probability(torn)->anatomy;
+    };
+    EXPECT_GT(anatomy(4.0), 0.9);
+    EXPECT_LT(anatomy(20.0), 0.01);
+    EXPECT_LT(anatomy(7.9), anatomy(7.0));
+    EXPECT_EQ(anatomy(8.1), anatomy(20.0));
+  }
+}
+
 /// Of two poses whose blocks agree equally well, that one is right whose tissue need not have moved
 /// and which stands out from its mirror images.
 TEST(RightProbability, BlocksThatAgreeHalfwayNeedOtherEvidence) {
@@ -278,6 +294,39 @@ TEST(EvidenceText, SaysHowFarMirrorImagesAgreeIfTheyWereAsked) {
   EXPECT_NE(evidence_text(measures).find("by 0.50, and with a mirror image by 0.23 at most"),
             std::string::npos)
       << evidence_text(measures);
+}
+
+RegistrationResult found_pose(bool is_accepted) {
+  RegistrationResult result;
+  result.candidates.resize(1);
+  if (is_accepted) result.T_us_ct = Eigen::Isometry3d::Identity();
+  result.measures = strong_measures();
+  result.measures.wrong_probability = 0.06;
+  result.measures.expected_error_mm = 2.5;
+  result.measures.error_bound_mm = 4.0;
+  return result;
+}
+const std::string kProbability = "probability that the pose is more than 5 mm off: 0.060\n";
+
+TEST(ConfidenceText, TellsTheExpectedErrorAndItsBoundAsFarAsTheyAreKnown) {
+  RegistrationResult result = found_pose(true);
+  const std::string error = "expected error in the middle of the field: 2.50 mm";
+  EXPECT_EQ(confidence_text(result),
+            kProbability + error + "; below 4.00 mm in 90 of 100 registrations that are right\n");
+  result.measures.error_bound_mm.reset();
+  EXPECT_EQ(confidence_text(result), kProbability + error + "\n");
+  result.measures.expected_error_mm.reset();
+  EXPECT_EQ(confidence_text(result), kProbability + "expected error: not known\n");
+  result.measures.wrong_probability.reset();
+  EXPECT_EQ(confidence_text(result),
+            "probability that the pose is more than 5 mm off: not known\n"
+            "expected error: not known\n");
+}
+
+TEST(ConfidenceText, OfARefusedPoseGivesTheEvidenceInPlaceOfTheError) {
+  const RegistrationResult result = found_pose(false);
+  EXPECT_EQ(confidence_text(result), kProbability + evidence_text(result.measures));
+  EXPECT_EQ(confidence_text({}), "");
 }
 
 /// Measures between good and bad, where each of them matters.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "core/ultrasound/sample_index.h"
@@ -84,6 +85,28 @@ TEST(Conditioning, ASlowlyVaryingGainIsTakenOut) {
   };
   EXPECT_LT(difference(Normalisation::kZScore), 0.06);
   EXPECT_GT(difference(Normalisation::kFlatten), 0.06);  // the deviation still grows with depth
+}
+
+/// With a local deviation d of samples of variance 1, x becomes x / sqrt(d^2 + least^2).
+TEST(Conditioning, TheLeastDeviationAddsToTheLocalOneByTheirSquares) {
+  const BeamUltrasound us = speckle(convex_beams());
+  const auto samples = [&](Normalisation normalisation, double least_deviation) {
+    ConditioningOptions options = no_masks();
+    options.normalisation = normalisation;
+    options.least_deviation = least_deviation;
+    return condition(us, options).samples;
+  };
+  const auto unscaled = samples(Normalisation::kFlatten, 0.5);
+  const auto by_deviation = samples(Normalisation::kZScore, 1e-4);
+  const auto by_both = samples(Normalisation::kZScore, 0.5);
+  int compared = 0;
+  for (std::size_t i = 0; i < unscaled.size(); ++i) {
+    if (std::abs(unscaled[i]) < 0.1F) continue;  // a quotient of roundings
+    ++compared;
+    const double deviation = unscaled[i] / by_deviation[i];
+    ASSERT_NEAR(unscaled[i] / by_both[i], std::hypot(deviation, 0.5), 1e-3) << i;
+  }
+  EXPECT_GT(compared, 1000);
 }
 
 TEST(Conditioning, WindowsAreMillimetresAcrossLinesAndFramesAtEveryDepth) {

@@ -69,6 +69,16 @@ TEST(StrayFrames, AJumpIsNamedByTheNumbersThatItsFramesHad) {
   }
 }
 
+TEST(StrayFrames, AJumpIsMoreThanTwoHundredMillimetres) {
+  const auto require = [](double step_mm) {
+    BeamGrid beams = straight_tracked(9, 6, 60, 0.0);
+    for (int frame = 31; frame < 60; ++frame) move(beams, frame, {0.0, 0.0, step_mm});
+    require_no_jump(beams, "sweep");
+  };
+  EXPECT_NO_THROW(require(199.9));
+  EXPECT_THROW(require(200.1), InputError);
+}
+
 TEST(StrayFrames, MayFollowEachOther) {
   BeamGrid beams = straight_tracked(9, 6, 60, 0.7);
   for (const int frame : {1, 20, 21, 22, 58}) move(beams, frame, {300.0, 0.0, 0.0});
