@@ -23,10 +23,10 @@ class StayingAttempt {
   explicit StayingAttempt(RegistrationOptions options)
       : options_(staying(std::move(options))),
         images_(*registration::prepare(input_, run_)),
-        problem_(registration::problem_of(input_, images_)) {}
+        attempt_(registration::attempt_on(images_, input_, run_)) {}
 
-  Attempt attempt() { return {input_, images_, problem_, run_}; }
-  const registration::FieldPoints& field() const { return problem_.field; }
+  const Attempt& attempt() const { return attempt_; }
+  const registration::FieldPoints& field() const { return attempt_.problem.field; }
   Candidate candidate(const Isometry3d& T_us_ct) {
     std::vector<Candidate> one{{T_us_ct, {}}};
     registration::evaluate(images_.deciding(), one, run_);
@@ -52,7 +52,7 @@ class StayingAttempt {
   const RegistrationHooks hooks_;
   registration::Run run_{hooks_};
   const registration::ImagePyramid images_;
-  const registration::SearchProblem problem_;
+  const Attempt attempt_;
 };
 
 Isometry3d truth_moved_by(const Vector3d& by_mm) {
@@ -73,7 +73,7 @@ class PoseJudgeWithoutMirrors : public testing::Test {
   PoseJudgeWithoutMirrors() { judge_.take_over({}); }
   Judged judged(const Isometry3d& T_us_ct) {
     const Candidate pose = staying_.candidate(T_us_ct);
-    return judge_.judge({pose}, judge_.compare({pose}), pose);
+    return judge_.judged({pose}, judge_.compared({pose}), pose);
   }
   double distance_mm(const Candidate& pose, const Isometry3d& T_us_ct) const {
     return staying_.field().distance_mm(pose.T_us_ct, T_us_ct);
@@ -83,15 +83,15 @@ class PoseJudgeWithoutMirrors : public testing::Test {
   PoseJudge judge_{staying_.attempt()};
 };
 
-/// Clusters that are asked about steps of 1 mm see no farther than that.
-TEST(PoseJudge, FollowsWhatClustersWishForThreeStepsAtMost) {
+/// Blocks that are asked about steps of 1 mm see no farther than that.
+TEST(PoseJudge, FollowsWhatBlocksWishForThreeStepsAtMost) {
   RegistrationOptions options = refusing();
   options.confidence.cluster_step_mm = 1.0;
   StayingAttempt staying(options);
   PoseJudge judge(staying.attempt());
   judge.take_over({});
   const Candidate off = staying.candidate(truth_moved_by({3.4, 3.4, 3.4}));
-  const Judged refused = judge.judge({off}, judge.compare({off}), off);
+  const Judged refused = judge.judged({off}, judge.compared({off}), off);
   const Judged followed = judge.follow_wished_motion(refused, 1);
   // Each step adds the optimum to which it led.
   EXPECT_EQ(followed.optima.size(), 4U);
@@ -100,7 +100,7 @@ TEST(PoseJudge, FollowsWhatClustersWishForThreeStepsAtMost) {
   EXPECT_LT(agar_case().error_mm(followed.refined.T_us_ct), agar_case().error_mm(off.T_us_ct));
 }
 
-TEST_F(PoseJudgeWithoutMirrors, FollowsAWishOnlyWhereClustersThenAgreeMore) {
+TEST_F(PoseJudgeWithoutMirrors, FollowsAWishOnlyWhereBlocksThenAgreeMore) {
   Judged right = judged(agar_case().T_us_ct_true);
   ASSERT_TRUE(right.failure);
   right.assessment.wished_motion = Isometry3d(Eigen::Translation3d(3.0, -3.0, 2.0));
@@ -124,7 +124,7 @@ TEST_F(PoseJudgeWithoutMirrors, LeavesAnAcceptedPoseWhereItIs) {
 TEST_F(PoseJudgeWithoutMirrors, TakesTheOptimumToWhichTheRefinementLedForTheBest) {
   const Candidate far = staying_.candidate(truth_moved_by({20, 0, 0}));
   const Candidate right = staying_.candidate(agar_case().T_us_ct_true);
-  const Judged led = judge_.judge_where_it_led({far}, judge_.compare({far}), right);
+  const Judged led = judge_.judged_where_it_led({far}, judge_.compared({far}), right);
   ASSERT_EQ(led.optima.size(), 2U);
   EXPECT_LT(distance_mm(led.optima[0], right.T_us_ct), 1e-6);
   EXPECT_EQ(led.optima[1].T_us_ct.matrix(), far.T_us_ct.matrix());
@@ -135,7 +135,7 @@ TEST_F(PoseJudgeWithoutMirrors, TakesTheOptimumToWhichTheRefinementLedForTheBest
 TEST_F(PoseJudgeWithoutMirrors, KeepsTheOptimumThatItsRefinementHasNotLeft) {
   const Candidate optimum = staying_.candidate(agar_case().T_us_ct_true);
   const Candidate refined = staying_.candidate(truth_moved_by({0.1, 0, 0}));
-  const Judged kept = judge_.judge_where_it_led({optimum}, judge_.compare({optimum}), refined);
+  const Judged kept = judge_.judged_where_it_led({optimum}, judge_.compared({optimum}), refined);
   ASSERT_EQ(kept.optima.size(), 1U);
   EXPECT_EQ(kept.optima[0].T_us_ct.matrix(), optimum.T_us_ct.matrix());
   EXPECT_NEAR(kept.assessment.measures.disagreement_mm.value(), 0.1, 1e-6);
@@ -153,11 +153,11 @@ TEST(PoseJudge, MirrorImagesClimbFromThePoseToWhichTheRefinementLed) {
   PoseJudge judge(staying.attempt());
   const Candidate far = staying.candidate(truth_moved_by({20, 0, 0}));
   const Candidate led = staying.candidate(truth_moved_by({2, 1, 1}));
-  const Assessment compared = judge.compare({far});
+  const Assessment compared = judge.compared({far});
   ASSERT_FALSE(judge.decoys().value().empty());
   for (const Decoy& decoy : *judge.decoys())
     EXPECT_FALSE(is_at(decoy, led.T_us_ct, staying.field()));
-  judge.judge_where_it_led({far}, compared, led);
+  judge.judged_where_it_led({far}, compared, led);
   for (const Decoy& decoy : *judge.decoys())
     EXPECT_TRUE(is_at(decoy, led.T_us_ct, staying.field()));
 }
@@ -166,7 +166,7 @@ TEST(PoseJudge, APoseThatPassesAfterAStepIsComparedBesideAsManyRounds) {
   StayingAttempt staying(accepting());
   PoseJudge judge(staying.attempt());
   const Candidate off = staying.candidate(truth_moved_by({3, -3, 2}));
-  Judged refused = judge.judge({off}, judge.compare({off}), off);
+  Judged refused = judge.judged({off}, judge.compared({off}), off);
   refused.failure = GateFailure{false, "refused"};
   refused.assessment.measures.mirror_ratio.reset();  // that says nothing
   refused.assessment.wished_motion = Isometry3d(Eigen::Translation3d(-3.0, 3.0, -2.0));

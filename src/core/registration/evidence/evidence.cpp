@@ -151,8 +151,10 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
   measures.rival_advantage = measures.chance_advantage;
   if (rivals.empty() || !patches.is_possible()) return;
   double least = std::numeric_limits<double>::infinity();
-  for (const Candidate& rival : rivals)
-    least = std::min(least, patches.advantage_over(rival, Eigen::Isometry3d::Identity()));
+  for (const Candidate& rival : rivals) {
+    const double advantage = patches.advantage_over(rival, Eigen::Isometry3d::Identity());
+    if (!(advantage >= least)) least = advantage;  // also where it is not a number
+  }
   measures.rival_advantage = least;
 }
 
