@@ -137,11 +137,11 @@ class VideoOverlay(unittest.TestCase):
             transforms.append(self.transform(self.camera, stamp, camera_x, 0.0))
         self.tf.publish(tf2_msgs.msg.TFMessage(transforms))
 
-    def image_at(self, stamp, encoding="rgb8"):
-        channels = 1 if encoding == "mono8" else 3
-        image = Image(width=WIDTH, height=HEIGHT, encoding=encoding, step=channels * WIDTH)
+    def image_at(self, stamp, encoding="rgb8", padding=b""):
+        """A grey image; `padding` follows each of its rows."""
+        row = bytes([GREY]) * (WIDTH * (1 if encoding == "mono8" else 3)) + padding
+        image = Image(width=WIDTH, height=HEIGHT, encoding=encoding, step=len(row), data=row * HEIGHT)
         image.header.stamp, image.header.frame_id = stamp, self.camera
-        image.data = bytes([GREY]) * (image.step * HEIGHT)
         return image
 
     def info_at(self, stamp, baseline_m=0.0, frame=None, **fields):
@@ -154,10 +154,10 @@ class VideoOverlay(unittest.TestCase):
             setattr(info, name, value)
         return info
 
-    def send(self, stamp, side="", encoding="rgb8", info_stamp=None, baseline_m=0.0, **info):
+    def send(self, stamp, side="", encoding="rgb8", padding=b"", info_stamp=None, baseline_m=0.0, **info):
         image_publisher, info_publisher = self.cameras[side]
         info_publisher.publish(self.info_at(info_stamp or stamp, baseline_m, **info))
-        image_publisher.publish(self.image_at(stamp, encoding))
+        image_publisher.publish(self.image_at(stamp, encoding, padding))
 
     def drawn(self, condition=lambda status: True, what="a status", stamp_of=rospy.Time.now, placed=True, side="",
               **sending):
@@ -198,7 +198,8 @@ class VideoOverlay(unittest.TestCase):
 
     @staticmethod
     def pixels(image):
-        return numpy.frombuffer(image.data, numpy.uint8).reshape(image.height, image.width, -1)
+        rows = numpy.frombuffer(image.data, numpy.uint8).reshape(image.height, image.step)
+        return rows[:, :3 * image.width].reshape(image.height, image.width, 3)
 
     def centre_of_tumour(self, image):
         """Mean column of the pixels in which green prevails."""
@@ -242,18 +243,44 @@ class VideoOverlay(unittest.TestCase):
             self.assertEqual(image.encoding, output)
             self.assertGreater(int(self.pixels(image)[HEIGHT // 2, WIDTH // 2 - 40, channel]), GREY + 20)
         # An image that is shorter than it says, or of an unknown encoding, comes to nothing.
-        for change in ({"data": b"short"}, {"encoding": "what8"}):
-            stamp = rospy.Time.now()
-            self.place(stamp)
-            image = self.image_at(stamp)
-            for name, value in change.items():
-                setattr(image, name, value)
-            self.cameras[""][1].publish(self.info_at(stamp))
-            self.cameras[""][0].publish(image)
-            status = wait_for(lambda: self.statuses.get((self.camera, stamp)), "its status")
-            self.assertEqual(status.state, OverlayStatus.NOTHING)
+        for change, words in (({"data": b"short"}, "has 5 bytes"), ({"encoding": "what8"}, "what8")):
+            self.assertIn(words, self.message_without_image(self.image_at(rospy.Time.now()), **change))
         self.statuses.clear()
         self.drawn(self.is_drawn, "images after those that cannot be decoded")
+
+    def message_without_image(self, image, **changes):
+        """Sends an image with these fields changed, for which none comes out: what the status says of it."""
+        for name, value in changes.items():
+            setattr(image, name, value)
+        stamp = image.header.stamp
+        self.place(stamp)
+        self.cameras[""][1].publish(self.info_at(stamp))
+        self.cameras[""][0].publish(image)
+        status = wait_for(lambda: self.statuses.get((self.camera, stamp)), "its status")
+        self.assertEqual((status.state, list(status.in_view)), (OverlayStatus.NOTHING, []))
+        self.assertNotIn(stamp, self.images[""])
+        return status.message
+
+    def test_rows_with_padding(self):
+        """Frame grabbers align the rows of their images."""
+        self.start()
+        self.align()
+        self.show_surfaces()
+        padding = bytes([1, 255, 7, 200, 33])
+
+        def picture(encoding, **sending):
+            begin = rospy.Time.now()
+            _, image = self.drawn(lambda s: self.is_drawn(s) and s.header.stamp >= begin, encoding, encoding=encoding,
+                                  **sending)
+            self.assertEqual(len(image.data), image.step * HEIGHT)
+            return self.pixels(image)
+        for encoding in ("rgb8", "bgr8", "mono8"):
+            # No padding is seen, and all that is drawn is in its place: the pictures are the same, bit by bit.
+            numpy.testing.assert_array_equal(picture(encoding, padding=padding), picture(encoding))
+            # Without its last byte, an image is not published.
+            short = self.image_at(rospy.Time.now(), encoding, padding)
+            message = self.message_without_image(short, data=short.data[:-1])
+            self.assertRegex(message, rf"has {len(short.data)} bytes|step != size .* != {len(short.data)}")
 
     def test_stamps_and_tf(self):
         self.start(tf_timeout=0.05)
@@ -300,6 +327,22 @@ class VideoOverlay(unittest.TestCase):
         self.statuses.clear()
         self.drawn(self.is_drawn, "a rational distortion", distortion_model="rational_polynomial",
                    D=[0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
+
+    def test_a_right_camera_with_its_own_frame(self):
+        """It is drawn alone, as the left one would be: tf has it where it is, so that its baseline counts no more."""
+        self.start(own_frame=True)
+        self.align()
+        self.show_surfaces()
+        status, image = self.drawn(lambda s: s.state == OverlayStatus.DRAWN, "an overlay", baseline_m=BASELINE_M)
+        self.assertEqual((list(status.in_view), status.camera, status.message), (["kidney", "tumour"], "", ""))
+        self.assertAlmostEqual(self.centre_of_tumour(image), WIDTH / 2, delta=0.7)
+
+    def test_a_right_camera_with_its_own_frame_rectified(self):
+        self.start(own_frame=True, rectified=True)
+        self.align()
+        self.show_surfaces()
+        _, image = self.drawn(lambda s: s.state == OverlayStatus.DRAWN, "an overlay", baseline_m=BASELINE_M)
+        self.assertAlmostEqual(self.centre_of_tumour(image), WIDTH / 2, delta=0.7)
 
     def test_a_frame_with_a_leading_slash(self):
         self.start(tf_timeout=10.0)
@@ -524,6 +567,30 @@ class VideoOverlay(unittest.TestCase):
         answered = [stamp for stamp in stamps if (self.camera, stamp) in self.statuses]
         self.assertLess(len(answered), 15)
         self.assertGreater(self.statuses[(self.camera, stamps[-1])].dropped, 50)
+
+    def test_how_a_structure_is_drawn(self):
+        """What the parameters say of each structure is in the image."""
+        blue, half, yellow = (0, 0, 255), 0.5, lambda pixel: min(pixel[0], pixel[1]) > pixel[2] + 20
+        self.start(structures={"kidney": {"colour": [0.0, 0.0, 1.0], "opacity": half, "band": True},
+                               "tumour": {"visible": False}})
+        self.align()
+        cyst = square(3, "cyst", 0.005, colour=(0.0, 1.0, 0.0))
+        cyst.pose.position.x = 0.04
+        self.show_surfaces(square(1, "kidney", 0.02), square(2, "tumour", 0.01, -0.005, (0.0, 1.0, 0.0)), cyst)
+        status, image = self.drawn(lambda s: s.state == OverlayStatus.DRAWN, "an overlay")
+        # A structure that is not drawn hides nothing either.
+        self.assertEqual(list(status.in_view), ["kidney", "cyst"])
+        self.assertFalse(math.isnan(status.error_bound))
+        row = self.pixels(image)[HEIGHT // 2].astype(int)
+        mixed = numpy.array(blue) * half + GREY * (1 - half)
+        for column in (WIDTH // 2 - 40, WIDTH // 2):
+            numpy.testing.assert_allclose(row[column], mixed, atol=1.5)
+        # The outline of the kidney lies 50 px from the middle, and its band reaches some 6 px further.
+        numpy.testing.assert_allclose(row[WIDTH // 2 - 50], blue, atol=1.5)
+        self.assertTrue(yellow(row[WIDTH // 2 - 54]), row[WIDTH // 2 - 54])
+        # A structure without parameters has the colour of ct/surface, and no band.
+        numpy.testing.assert_allclose(row[WIDTH // 2 + 100], [0.75 * GREY, 0.75 * GREY + 0.25 * 255, 0.75 * GREY], atol=1.5)
+        self.assertFalse(any(yellow(pixel) for pixel in row[WIDTH // 2 + 75:]))
 
     def test_diagnostics(self):
         self.start(diagnostic_period=0.1, structures={"tumor": {"band": True}})
