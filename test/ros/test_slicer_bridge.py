@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """slicer_bridge from outside: a client that packs and unpacks OpenIGTLink's bytes by itself, as the protocol describes them."""
 import os
+import re
 import socket
 import struct
 import sys
@@ -148,8 +149,7 @@ class SlicerBridge(TfPublisherCase):
         self.start("slicer_bridge", as_nodelet=self.namespace.endswith("as_nodelet"),
                    **{**parameters, "us_frame": self.us, "port": 0})
         # The first diagnosis says only that the node starts.
-        diagnosis = self.diagnosis(lambda s: s.name.endswith("OpenIGTLink") and port_in(s), "the server to name its port")
-        self.port = port_in(diagnosis)
+        self.port = self.port_of("slicer_bridge")
         self.client = self.connect()
 
     def tearDown(self):
@@ -157,14 +157,23 @@ class SlicerBridge(TfPublisherCase):
             client.close()
         super().tearDown()
 
-    def connect(self):
-        self.clients.append(Client(self.port))
+    def port_of(self, name):
+        return port_in(self.diagnosis(lambda s: s.name.endswith(name + ": OpenIGTLink") and port_in(s),
+                                      "the server to name its port"))
+
+    def connect(self, port=None):
+        self.clients.append(Client(port or self.port))
         return self.clients[-1]
 
     def command(self, text, words, **header):
         return self.client.answer_to(string("command", text, **header), words)
 
     def send_tf_of_us(self, T_fixed_us, axis, angle):
+        self.broadcaster = tf2_ros.StaticTransformBroadcaster()
+        self.broadcaster.sendTransform(self.tf_of_us(T_fixed_us, axis, angle))
+
+    def tf_of_us(self, T_fixed_us, axis, angle):
+        """The pose of the ultrasound at the present time."""
         message = TransformStamped(child_frame_id=self.us)
         message.header.frame_id = self.fixed
         message.header.stamp = rospy.Time.now()
@@ -172,8 +181,7 @@ class SlicerBridge(TfPublisherCase):
         t.x, t.y, t.z = T_fixed_us[:3, 3] / 1000
         q.x, q.y, q.z = numpy.sin(angle / 2) * numpy.array(axis) / numpy.linalg.norm(axis)
         q.w = numpy.cos(angle / 2)
-        self.broadcaster = tf2_ros.StaticTransformBroadcaster()
-        self.broadcaster.sendTransform(message)
+        return message
 
     def test_sends_the_transform_while_it_counts_and_decides_by_command(self):
         self.assertEqual(crc64(b"123456789"), 0x6C40DF5F0B497347)
@@ -237,6 +245,42 @@ class SlicerBridge(TfPublisherCase):
         self.start_publisher(policy="auto", alignment_file=self.file, restore="same_ct")
         self.client.wait("STATUS", "registration_status",
                          lambda s: s[0] == STATUS_OK and "RESTORED: the patient may have moved" in s[1])
+
+    def test_sends_nothing_when_the_newest_transform_is_too_old(self):
+        """The tracking of the probe stops, while the alignment is in force."""
+        axis, angle = (0, 0, 1), 0.2
+        tracking = tf2_ros.TransformBroadcaster()
+        self.start("slicer_bridge", name="patient_bridge", us_frame=self.us, port=0, max_tf_age=3600.0)
+        port_of_patient = self.port_of("patient_bridge")
+        self.start_publisher(policy="auto")
+        self.result(1, 0.25)
+        self.wait_state(Alignment.ACCEPTED, 1)
+
+        def tracked():
+            """The tracking works until the client has got a transform."""
+            is_ended = threading.Event()
+
+            def track():
+                while not is_ended.wait(0.05):
+                    tracking.sendTransform(self.tf_of_us(pose((0, 0, 100), axis, angle), axis, angle))
+            thread = threading.Thread(target=track, daemon=True)
+            thread.start()
+            self.client.wait("TRANSFORM", "ct_to_us", lambda _: True)
+            self.client.wait("STATUS", "registration_status", lambda s: s[0] == STATUS_OK)
+            is_ended.set()
+            thread.join()
+        tracked()
+        reason = re.compile(r"NO TRANSFORM is sent: the newest transform from '\w+_ct' to '\w+_us' is [\d.]+ s old, "
+                            r"must be at most max_tf_age = 1\.0 s")
+        self.client.wait("STATUS", "registration_status",
+                         lambda s: s[0] == STATUS_NOT_READY and reason.fullmatch(s[1]))
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end:
+            received = self.client.receive(0.5)
+            self.assertFalse(received and received[0] == "TRANSFORM", "a transform that is too old")
+        # It is the limit alone: a bridge with a longer one sends this transform.
+        self.connect(port_of_patient).wait("TRANSFORM", "ct_to_us", lambda _: True)
+        tracked()
 
     def test_landmarks_become_the_initial_alignment(self):
         requests = []
