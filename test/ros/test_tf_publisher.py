@@ -69,6 +69,29 @@ class TfPublisher(TfPublisherCase):
         self.id_of(2)
         self.assertEqual(self.decide("reject", 2).code, StatusCode.NOTHING_TO_DECIDE)
 
+    def test_a_decision_without_a_number_is_on_what_waits_at_that_moment(self):
+        """It waits for nothing. So a caller of the registration who leaves out the number of the result, and is faster
+        than the result, decides on nothing, or on the result before."""
+        self.start_publisher(policy="confirm")
+        wait_for(self.results.get_num_connections, "tf_publisher to listen")
+        # The registration has answered, and its result 1 has not come yet.
+        self.assertEqual(self.decide("accept").code, StatusCode.NOTHING_TO_DECIDE)
+        self.result(1, 0.25)
+        self.wait_waiting(1)
+        self.assertEqual(self.alignment.message.state, Alignment.NONE)
+        # The same of result 2, while nobody has decided on result 1: the one that is accepted is in the answer.
+        answer = self.decide("accept")
+        self.assertEqual(answer.code, StatusCode.OK)
+        self.assertIn(f"result {self.id_of(1)} is accepted", answer.message)
+        self.result(2, 0.5)
+        self.wait_waiting(2)
+        self.wait_tf(0.25)
+        # With its number, what comes too late changes nothing.
+        self.result(3, 0.75)
+        self.wait_waiting(3)
+        self.assertEqual(self.decide("accept", 2).code, StatusCode.INVALID_REQUEST)
+        self.wait_tf(0.25)
+
     def test_what_is_refused_or_rejected_leaves_tf_as_it_is(self):
         self.start_publisher(policy="confirm", fixed_frame=self.fixed)
         self.result(1, 0.25)
