@@ -126,7 +126,7 @@ void CrtkBridge::diagnose_targets(diagnostic_updater::DiagnosticStatusWrapper& d
   for (const std::string& warning : report.warnings)
     diagnosis.mergeSummary(DiagnosticStatus::WARN, warning);
   if (!report.problem.empty())
-    diagnosis.summary(DiagnosticStatus::WARN, "not published: " + report.problem);
+    diagnosis.mergeSummary(DiagnosticStatus::WARN, "not published: " + report.problem);
 }
 
 }  // namespace usct::ros_interface
