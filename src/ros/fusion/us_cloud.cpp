@@ -230,6 +230,15 @@ std::string UsCloud::cloud_frame() const {
   return fixed_frame_.empty() && shown_ ? shown_->header.frame_id : fixed_frame_;
 }
 
+void UsCloud::publish_ct(const ::ros::Publisher& publisher,
+                         const std::vector<CloudPoint>& points) const {
+  std_msgs::Header header;
+  header.frame_id = cloud_frame();
+  if (shown_) header = shown_->header;
+  // rviz takes no cloud without a frame.
+  if (!header.frame_id.empty()) publisher.publish(to_message(points, header));
+}
+
 bool UsCloud::has_surface_of(std::uint32_t ct_crc32) const {
   return surface_ && ct_crc32_of(*surface_).value_or(ct_crc32) == ct_crc32;
 }
@@ -257,12 +266,11 @@ void UsCloud::show_aligned() {
   if (shown_ && !problem.empty())
     markers.markers.push_back(not_in_force_marker(problem, cloud_frame(), shown_->far_above_mm));
   surface_publisher_.publish(markers);
-  if (!shown_) return;
   std::vector<CloudPoint> points;
-  if (ct_ && is_in_force && placement_->ct_crc32 == ct_crc32_ &&
+  if (shown_ && ct_ && is_in_force && placement_->ct_crc32 == ct_crc32_ &&
       placement_->fixed_frame == shown_->header.frame_id)
     points = ct_at(shown_->fans, *ct_, placement_->T_fixed_ct->inverse());
-  ct_publisher_.publish(to_message(points, shown_->header));
+  publish_ct(ct_publisher_, points);
 }
 
 void UsCloud::show_refused() try {
@@ -280,7 +288,7 @@ void UsCloud::show_refused() try {
          shown_->below_mm},
         surface_alpha_);
   }
-  if (shown_) refused_ct_publisher_.publish(to_message(points, shown_->header));
+  publish_ct(refused_ct_publisher_, points);
   refused_surface_publisher_.publish(markers);
 } catch (const InputError& error) {
   ROS_ERROR("%s", error.what());

@@ -84,6 +84,8 @@ class UsCloud {
   bool has_surface_of(std::uint32_t ct_crc32) const;
   /// The frame of clouds and markers; empty without a fixed frame until ultrasound arrives.
   std::string cloud_frame() const;
+  /// Publishes the CT on the fans; without ultrasound, there are no points.
+  void publish_ct(const ::ros::Publisher& publisher, const std::vector<CloudPoint>& points) const;
   /// Publishes what is known of the CT: where the alignment has it, and where a refused
   /// registration had its best candidate.
   void show_ct();

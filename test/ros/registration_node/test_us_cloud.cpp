@@ -8,6 +8,7 @@
 
 #include "registration_client.h"
 #include "ros/conversions/surface_markers.h"
+#include "ros/process.h"
 
 namespace usct::ros_interface {
 namespace {
@@ -234,6 +235,28 @@ TEST_F(UsCloudNode, ShowsUltrasoundOnceItsFrameIsConnected) {
   tf_.publish(moving.poses);
   us_cloud_.wait(
       [&](const auto& cloud) { return cloud.header.stamp == moving.sweep.header.stamp; });
+}
+
+/// rviz goes on showing what a node has sent that has died, and its latched messages with it.
+TEST(UsCloudStart, TakesAwayWhatADeadNodeMayHaveLeftInRviz) {
+  ::ros::NodeHandle node("started_again");
+  const Newest<MarkerArray> placed(node, "ct/surface_placed");
+  const Newest<MarkerArray> proposed(node, "ct/surface_proposed");
+  const Newest<MarkerArray> refused(node, "ct/surface_refused");
+  const Newest<sensor_msgs::PointCloud2> ct(node, "ct/cloud");
+  const Newest<sensor_msgs::PointCloud2> refused_ct(node, "ct/cloud_refused");
+  const Process us_cloud("us_cloud",
+                         {"__ns:=started_again", "__name:=us_cloud", "_fixed_frame:=patient"});
+  // Nobody sends it anything.
+  for (const auto* markers : {&placed, &proposed, &refused})
+    markers->wait([](const MarkerArray& array) {
+      return array.markers.size() == 1 && array.markers[0].action == Marker::DELETEALL &&
+             array.markers[0].header.frame_id == "patient";
+    });
+  for (const auto* cloud : {&ct, &refused_ct})
+    cloud->wait([](const sensor_msgs::PointCloud2& message) {
+      return message.width == 0 && message.header.frame_id == "patient";
+    });
 }
 
 }  // namespace
