@@ -48,14 +48,17 @@ std::vector<fs::path> read_folders(YamlKeys& keys, const std::string& key, const
       folders.push_back(folder);
       continue;
     }
+    // The parent of a name alone is empty, and stands for the current folder.
+    const fs::path parent = folder.parent_path();
+    const fs::path searched = parent.empty() ? fs::path(".") : parent;
     std::vector<fs::path> found;
-    if (fs::is_directory(folder.parent_path()))
-      for (const auto& entry : fs::directory_iterator(folder.parent_path()))
-        if (matches(pattern, entry.path())) found.push_back(entry.path());
+    if (fs::is_directory(searched))
+      for (const auto& entry : fs::directory_iterator(searched))
+        if (matches(pattern, entry.path())) found.push_back(parent / entry.path().filename());
     if (found.empty())
       throw InputError(keys.source(), "'" + keys.path_of(key) + "' has '" + text +
                                           "', must match a folder; there is none in '" +
-                                          folder.parent_path().string() + "'");
+                                          searched.string() + "'");
     std::sort(found.begin(), found.end());
     folders.insert(folders.end(), found.begin(), found.end());
   }

@@ -128,6 +128,18 @@ TEST_F(StudyFile, CasesBeginAtTheRoot) {
   expect_input_error([&] { read_study(path()); }, {"'cases' has 'agar_*', must match a folder"});
 }
 
+TEST_F(StudyFile, MayBeNamedInTheFolderThatIsTheCurrentOne) {
+  write_text(path(), "cases: [cas*]\nmethods: [{preset: fast}]\n");
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder_.path());
+  try {
+    EXPECT_EQ(read_study("study.yaml").cases, std::vector<std::filesystem::path>{"cases"});
+  } catch (const InputError& error) {
+    ADD_FAILURE() << error.what();
+  }
+  std::filesystem::current_path(before);
+}
+
 TEST_F(StudyFile, ThoseThatShipAreRead) {
   for (const std::string group :
        {"agar", "patient", "patienthard", "contrast60", "noise12", "gas50", "soundspeed3", "sweep1",
