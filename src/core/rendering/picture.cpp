@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
 
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
@@ -84,8 +86,7 @@ void write_png(const Picture& picture, const std::filesystem::path& path) {
   write_atomically(path, [&](const std::filesystem::path& temporary) {
     if (png_image_write_to_file(&image, temporary.c_str(), 0, picture.pixels.data(), 0, nullptr) ==
         0)
-      throw InputError(path.string(),
-                       std::string("the picture cannot be written: ") + image.message);
+      throw std::runtime_error(path.string() + ": writing failed: " + image.message);
   });
 }
 

@@ -2,7 +2,9 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 
+#include "core/io/file_size_limit.h"
 #include "core/tools/run_usct.h"
 
 namespace usct::test {
@@ -126,6 +128,51 @@ TEST_F(Study, StartsFromABoxOfParallelBeams) {
   EXPECT_EQ(runs().size(), 4U);
 }
 
+/// The names of all files below a folder.
+std::set<std::string> files_below(const std::string& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) names.insert(entry.path().filename());
+  return names;
+}
+
+/// What a study says that a full disk has ended. The tables on standard output have room.
+void expect_full_disk(const Outcome& outcome, const std::string& file) {
+  EXPECT_EQ(outcome.exit_status, 1);
+  EXPECT_NE(outcome.errors.find("usct: failed: " + file + ": writing failed: "), std::string::npos)
+      << outcome.errors;
+}
+
+TEST_F(Study, AFullDiskIsAFailureThatLeavesNoHalfFile) {
+  const std::string json = path("full/study.json");
+  std::filesystem::create_directory(path("full"));
+  const auto study_in_full = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{
+        "study", path("agar_1"), "--preset", "fast", "--quiet", "--starts", "1", "--output", json};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_usct(arguments);
+  };
+  {
+    const FileSizeLimit full(8192);
+    expect_full_disk(study_in_full({}), json);
+  }
+  EXPECT_TRUE(files_below(path("full")).empty());
+  ASSERT_EQ(study_in_full({}).exit_status, 0);
+  const std::string earlier = read_text(json);
+  {
+    const FileSizeLimit full(8192);
+    expect_full_disk(study_in_full({}), json);
+  }
+  EXPECT_EQ(read_text(json), earlier);
+  // There is room for the JSON, but not for a picture.
+  const Outcome with_pictures = [&] {
+    const FileSizeLimit full(earlier.size() + 8192);
+    return study_in_full({"--pictures", path("full/pictures")});
+  }();
+  expect_full_disk(with_pictures, path("full/pictures/worst_agar/before_after.png"));
+  EXPECT_EQ(files_below(path("full")), std::set<std::string>{"study.json"});
+}
+
 /// A study file of both phantoms, two methods and six starts: 24 runs.
 class StudyOfAFile : public Study {
  protected:
@@ -159,6 +206,22 @@ TEST_F(StudyOfAFile, EndedByForceAndBegunAgainHasTheSameTable) {
   EXPECT_EQ(tables("parts"), "");
   const Outcome rest = carry_out("parts", {"--threads", "3"});
   ASSERT_EQ(rest.exit_status, 0) << rest.errors;
+  EXPECT_EQ(tables("parts"), tables("whole"));
+}
+
+/// The line in which the disk was full is no result. The study goes on once there is room.
+TEST_F(StudyOfAFile, GoesOnAfterAFullDisk) {
+  ASSERT_EQ(carry_out("whole", {"--quiet"}).exit_status, 0);
+  const std::string lines = path("parts") + "/runs/1_of_1.jsonl";
+  {
+    const FileSizeLimit full(32768);
+    expect_full_disk(carry_out("parts", {"--quiet"}), lines);
+  }
+  EXPECT_EQ(files_below(path("parts")), std::set<std::string>{"1_of_1.jsonl"});
+  const Outcome rest = carry_out("parts", {"--quiet"});
+  EXPECT_EQ(rest.exit_status, 0);
+  EXPECT_NE(rest.errors.find("is not a whole result; its run is made again"), std::string::npos)
+      << rest.errors;
   EXPECT_EQ(tables("parts"), tables("whole"));
 }
 
