@@ -243,7 +243,9 @@ class VideoOverlay(unittest.TestCase):
             self.assertEqual(image.encoding, output)
             self.assertGreater(int(self.pixels(image)[HEIGHT // 2, WIDTH // 2 - 40, channel]), GREY + 20)
         # An image that is shorter than it says, or of an unknown encoding, comes to nothing.
-        for change, words in (({"data": b"short"}, "has 5 bytes"), ({"encoding": "what8"}, "what8")):
+        for change, words in (({"data": b"short"}, "has 5 bytes"), ({"encoding": "what8"}, "what8"),
+                              # Three times this width is 2 in 32 bits.
+                              ({"width": 1431655766, "step": 2, "data": bytes(2 * HEIGHT)}, "at least 4294967298")):
             self.assertIn(words, self.message_without_image(self.image_at(rospy.Time.now()), **change))
         self.statuses.clear()
         self.drawn(self.is_drawn, "images after those that cannot be decoded")

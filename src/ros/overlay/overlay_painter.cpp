@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 
@@ -31,12 +32,13 @@ const Picture::Colour kWhite(255, 255, 255);
 sensor_msgs::ImagePtr drawable(const sensor_msgs::Image& image) try {
   if (image.encoding != encodings::RGB8 && image.encoding != encodings::BGR8)
     return cv_bridge::toCvCopy(image, encodings::RGB8)->toImageMsg();
-  if (image.width == 0 || image.height == 0 || image.step < 3 * image.width ||
+  const std::uint64_t row_bytes = 3 * std::uint64_t{image.width};
+  if (image.width == 0 || image.height == 0 || image.step < row_bytes ||
       image.data.size() < static_cast<std::size_t>(image.step) * image.height)
     throw InputError("image", "has " + std::to_string(image.data.size()) + " bytes and rows of " +
                                   std::to_string(image.step) + ", must have " +
                                   std::to_string(image.height) + " rows of at least " +
-                                  std::to_string(3 * image.width));
+                                  std::to_string(row_bytes));
   return boost::make_shared<sensor_msgs::Image>(image);
 } catch (const InputError&) {
   throw;
