@@ -5,7 +5,7 @@
 namespace usct::ros_interface {
 namespace {
 
-/// What an entry of a message's covariance is in the core's unit, for 1 in the message's.
+/// An entry of 1 in the covariance of a message is this much in the units of the core.
 double covariance_unit(int row, int column) {
   return (row < 3 ? kMmPerM : 1.0) * (column < 3 ? kMmPerM : 1.0);
 }
