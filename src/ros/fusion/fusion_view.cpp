@@ -201,22 +201,30 @@ bool FusionViewNode::set_mode(msg::SetFusionMode::Request& request,
 }
 
 bool FusionViewNode::save(msg::SaveFusion::Request& request, msg::SaveFusion::Response& response) {
-  std::filesystem::path path;
   try {
-    if (!save_root_) throw Refusal(Code::PATH_REFUSED, "parameter save_root is not set");
-    path = save_root_->resolve_new(request.path, "path");
-    if (path.extension() != ".png")
-      throw Refusal(Code::INVALID_REQUEST, "'path' is '" + request.path + "', must end in .png");
-    write_png(newest_sheet(), path);
+    save_as(request.path);
     response.status = status(Code::OK, "saved as " + request.path);
   } catch (const Refusal& refusal) {
     response.status = refusal.status();
   } catch (const PathRefused& refusal) {
     response.status = status(Code::PATH_REFUSED, refusal.what());
   } catch (const std::exception& error) {
-    response.status = status(Code::FILE_ERROR, without_names(error.what(), path, request.path));
+    response.status = status(Code::INVALID_REQUEST, error.what());
   }
   return true;
+}
+
+void FusionViewNode::save_as(const std::string& given) {
+  if (!save_root_) throw Refusal(Code::PATH_REFUSED, "parameter save_root is not set");
+  const std::filesystem::path path = save_root_->resolve_new(given, "path");
+  if (path.extension() != ".png")
+    throw Refusal(Code::INVALID_REQUEST, "'path' is '" + given + "', must end in .png");
+  const Picture sheet = newest_sheet();
+  try {
+    write_png(sheet, path);
+  } catch (const std::exception& error) {
+    throw Refusal(Code::FILE_ERROR, without_names(error.what(), path, given));
+  }
 }
 
 Picture FusionViewNode::newest_sheet() {

@@ -80,6 +80,9 @@ class FusionViewNode {
   bool is_wanted() const;
   /// The sheet as it is now, drawn if need be. Throws Refusal.
   Picture newest_sheet();
+  /// Writes the newest sheet into the file that a caller names. Throws Refusal, PathRefused or
+  /// InputError.
+  void save_as(const std::string& given);
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis);
 
   ::ros::NodeHandle node_;

@@ -53,6 +53,7 @@ bool stands_alone(const std::string& text, std::size_t begin, std::size_t end) {
 }
 
 void replace_all(std::string& text, const std::string& name, const std::string& replacement) {
+  if (name.empty()) return;  // it would be found everywhere, and never end
   std::size_t at = 0;
   while ((at = text.find(name, at)) != std::string::npos) {
     const bool is_it = stands_alone(text, at, at + name.size());
@@ -65,9 +66,13 @@ void replace_all(std::string& text, const std::string& name, const std::string& 
 
 DataRoot::DataRoot(const fs::path& root, const std::string& parameter) : parameter_(parameter) {
   std::error_code error;
-  if (root.is_absolute()) root_ = fs::canonical(root, error);
-  if (root_.empty() || error || !fs::is_directory(root_, error))
-    throw InputError(parameter, "is '" + root.string() + "', must be the whole path of a folder");
+  const auto refuse = [&](const std::string& why) {
+    throw InputError(parameter, "is '" + root.string() + "', " + why);
+  };
+  if (!root.is_absolute()) refuse("must be the whole path of a folder");
+  root_ = fs::canonical(root, error);
+  if (error) refuse("which cannot be opened: " + error.message());
+  if (!fs::is_directory(root_, error)) refuse("must be a folder");
 }
 
 bool DataRoot::is_below(const fs::path& path) const {
@@ -122,8 +127,11 @@ std::string without_names(const std::string& text, const fs::path& path, const s
   for_each_entry(folder, is_folder, [&](const fs::directory_entry& entry) {
     if (entry.path() != path) entries.insert(entry.path());
   });
-  // The path that the caller gave may contain such names as well, so it is put in last.
+  // The path that the caller gave may contain such names as well, so it is put in last, and so is
+  // its folder.
   const std::string place_of_given(1, '\0');
+  const std::string place_of_folder(1, '\1');
+  const std::string given_folder = fs::path(given).parent_path().string();
   std::vector<std::pair<std::string, std::string>> replacements{{path.string(), place_of_given},
                                                                 {given, place_of_given}};
   if (!is_folder) replacements.emplace_back(path.filename().string(), place_of_given);
@@ -134,13 +142,14 @@ std::string without_names(const std::string& text, const fs::path& path, const s
     const std::string name = entry.filename().string();
     if (!is_short_number(name)) replacements.emplace_back(name, shown);
   }
-  replacements.emplace_back(folder.string(), "the folder");
+  replacements.emplace_back(folder.string(), given_folder.empty() ? "." : place_of_folder);
   // The longest name goes first, because one name may begin with another.
   std::stable_sort(replacements.begin(), replacements.end(),
                    [](const auto& a, const auto& b) { return a.first.size() > b.first.size(); });
   std::string shown = text;
   for (const auto& [name, replacement] : replacements) replace_all(shown, name, replacement);
   replace_all(shown, place_of_given, given);
+  replace_all(shown, place_of_folder, given_folder);
   return shown;
 }
 

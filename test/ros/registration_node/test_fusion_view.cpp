@@ -292,6 +292,10 @@ TEST_P(FusionViewLater, SavesBelowTheFolderOnlyAndDrawsOnlyIfAsked) {
     EXPECT_EQ(save(path).code, Status::PATH_REFUSED) << path;
   EXPECT_EQ(save((folder_ / "sheet.jpg").string()).code, Status::INVALID_REQUEST);
   EXPECT_EQ(save((folder_ / "missing" / "sheet.png").string()).code, Status::FILE_ERROR);
+  // What `rosservice call` offers if the tabulator completes the request.
+  const msg::StatusCode nameless = save("");
+  EXPECT_EQ(nameless.code, Status::INVALID_REQUEST);
+  EXPECT_EQ(nameless.message, "'path': is empty");
 }
 
 TEST_P(FusionViewLater, ThePlanesMeetWhereSomebodyPoints) {

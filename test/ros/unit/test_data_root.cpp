@@ -109,9 +109,19 @@ TEST_F(DataRootTest, WhatIsNotThereAndWhatIsNoFileAreErrors) {
 }
 
 TEST_F(DataRootTest, ARootThatIsNoFolderIsAnError) {
-  EXPECT_THROW(DataRoot(root_ / "missing", "~data_root"), InputError);
-  EXPECT_THROW(DataRoot(root_ / "ct.nrrd", "~data_root"), InputError);
-  EXPECT_THROW(DataRoot("relative", "~data_root"), InputError);
+  const auto why = [](const fs::path& root) {
+    try {
+      DataRoot(root, "~data_root");
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  const std::string missing = (root_ / "missing").string();
+  EXPECT_EQ(why(missing),
+            "~data_root: is '" + missing + "', which cannot be opened: No such file or directory");
+  EXPECT_THAT(why(root_ / "ct.nrrd"), HasSubstr("must be a folder"));
+  EXPECT_EQ(why("relative"), "~data_root: is 'relative', must be the whole path of a folder");
 }
 
 TEST_F(DataRootTest, MessagesHaveNoNameThatTheCallerDidNotGive) {
@@ -133,6 +143,17 @@ TEST_F(DataRootTest, MessagesKeepTheNameThatTheCallerGave) {
   std::ofstream(root_ / "ct") << "x";
   const fs::path path = root_ / "ct.nrrd";
   EXPECT_EQ(without_names(path.string() + ": is cut off", path, "ct.nrrd"), "ct.nrrd: is cut off");
+  const fs::path missing = root_ / "no" / "sheet.png";
+  EXPECT_EQ(without_names(
+                missing.string() + ": folder '" + missing.parent_path().string() + "' is not there",
+                missing, "no/sheet.png"),
+            "no/sheet.png: folder 'no' is not there");
+}
+
+/// Before a request has a path, nothing can be found in a text, and least of all everywhere.
+TEST_F(DataRootTest, MessagesWithoutAPathStayAsTheyAre) {
+  EXPECT_EQ(without_names("'path': is empty", "", ""), "'path': is empty");
+  EXPECT_EQ(without_names("'path': is empty", root_, ""), "'path': is empty");
 }
 
 }  // namespace
