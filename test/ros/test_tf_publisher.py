@@ -299,7 +299,10 @@ class TfPublisher(TfPublisherCase):
             process.kill()
 
     def test_what_cannot_be_stored_is_not_accepted(self):
-        self.start_publisher(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
+        process = self.start_publisher(policy="auto", alignment_file=self.folder.name + "/missing/alignment.json")
+        # It is told at once, and not when a surgeon accepts.
+        self.diagnosis(lambda s: s.level == s.ERROR and "missing' does not exist" in s.message, "an error")
+        self.assertIn("missing' does not exist", process.log())
         self.result(1, 0.25)
         self.diagnosis(lambda s: s.level == s.ERROR and "missing" in s.message, "an error")
         # It is not lost: a person accepts it once the disk is mended.

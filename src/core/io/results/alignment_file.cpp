@@ -69,7 +69,13 @@ StoredAlignment read_alignment(const fs::path& path) {
   std::error_code unreachable;
   const bool exists = fs::exists(path, unreachable);
   if (unreachable) throw InputError(path.string(), "cannot be read: " + unreachable.message());
-  if (!exists) return {};
+  if (!exists) {
+    // Nothing could be stored there either.
+    const fs::path folder = fs::absolute(path).parent_path();
+    if (!fs::is_directory(folder, unreachable))
+      throw InputError(path.string(), "folder '" + folder.string() + "' does not exist");
+    return {};
+  }
   std::ifstream file(path);
   if (!file || fs::is_directory(path)) throw InputError(path.string(), "cannot be read");
   try {
