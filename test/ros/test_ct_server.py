@@ -484,7 +484,11 @@ class CtServer(unittest.TestCase):
             topic.unregister()
 
     def test_it_answers_while_it_loads(self):
-        self.start(data_root=self.root)
+        self.start(data_root=self.root, diagnostic_period=0.05)
+        told = []
+        own = self.namespace[1:] + "/ct_server: CT"
+        heard = rospy.Subscriber("/diagnostics", DiagnosticArray,
+                                 lambda m: told.extend(s.message for s in m.status if s.name == own))
         held = self.load("ct.nrrd").revision
         # A named pipe simulates a disk that does not answer: it is refused before it is opened.
         os.mkfifo(self.root + "/pipe.nrrd")
@@ -505,6 +509,9 @@ class CtServer(unittest.TestCase):
         self.assertEqual(answers[0].status.code, StatusCode.OK, answers[0].status.message)
         self.assertTrue(during)
         self.assertEqual(during[0], held)
+        wait_for(lambda: told and told[-1] == "CT is held", "the end of the load", 10.0)
+        self.assertTrue(any("CT is held; big.nrrd has been loading for" in message for message in told), told)
+        heard.unregister()
         self.assertEqual(self.get().volume.revision, answers[0].revision)
 
     def test_registration_launch(self):
@@ -544,7 +551,9 @@ class CtServer(unittest.TestCase):
 
     def test_wrong_parameters_end_it(self):
         for key, value, constraint in (("pth", "x", "is not a parameter"),
-                                       ("data_root", self.root + "/missing", "must be the whole path of a folder"),
+                                       ("data_root", self.root + "/missing", "which cannot be opened: No such file"),
+                                       ("data_root", self.root + "/ct.nrrd", "must be a folder"),
+                                       ("data_root", "missing", "must be the whole path of a folder"),
                                        ("labels", "labels.nrrd", "'path' is not"),
                                        ("label_table", self.root + "/missing.yaml", "missing.yaml"),
                                        ("surface_triangles", 3, "must be in"),

@@ -16,6 +16,7 @@
 #include "ros/node/guarded_queue.h"
 #include "ros/node/status.h"
 #include "us_ct_registration/error.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/subgrid.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 
@@ -89,7 +90,13 @@ CtServer::CtServer(const ::ros::NodeHandle& node, const ::ros::NodeHandle& priva
     throw InputError(private_node.resolveName("ct_frame"), "is empty, must name a frame");
   if (path.empty() && !labels.empty())
     throw InputError(private_node.resolveName("labels"), "is set, but 'path' is not");
-  if (!label_table.empty()) label_table_ = read_label_table(label_table);
+  if (!label_table.empty()) {
+    try {
+      label_table_ = read_label_table(label_table);
+    } catch (const InputError& error) {
+      throw InputError(private_node.resolveName("label_table"), error.what());
+    }
+  }
   if (!data_root.empty()) data_root_.emplace(data_root, private_node.resolveName("data_root"));
 
   info_publisher_ = node_.advertise<msg::CtInfo>("ct/info", 1, true);
@@ -169,6 +176,7 @@ msg::StatusCode CtServer::load(const std::string& path, const std::string& label
   const std::unique_lock<std::mutex> loading(loading_, std::try_to_lock);
   if (!loading) return status(Code::BUSY, "another CT is being loaded");
   const MemoryReturned at_end;
+  const Told told(*this, path);
   msg::StatusCode answer;
   try {
     const CtSelection selected = selection();
@@ -260,6 +268,17 @@ bool CtServer::on_load(msg::LoadCt::Request& request, msg::LoadCt::Response& res
   return true;
 }
 
+CtServer::Told::Told(CtServer& server, const std::string& path) : server_(server) {
+  ROS_INFO("loading the CT %s", path.c_str());
+  const std::lock_guard<std::mutex> lock(server_.mutex_);
+  server_.being_loaded_ = {path, ::ros::WallTime::now()};
+}
+
+CtServer::Told::~Told() {
+  const std::lock_guard<std::mutex> lock(server_.mutex_);
+  server_.being_loaded_.reset();
+}
+
 CtSelection CtServer::selection() {
   const std::lock_guard<std::mutex> lock(mutex_);
   return selection_;
@@ -306,11 +325,16 @@ void CtServer::diagnose(diagnostic_updater::DiagnosticStatusWrapper& diagnosis) 
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
   const bool has_ct = volume_ != nullptr;
-  if (!last_error_.empty())
+  const std::string held = has_ct ? "CT is held" : "no CT is held";
+  if (being_loaded_)
+    diagnosis.summary(
+        DiagnosticStatus::WARN,
+        held + "; " + being_loaded_->path + " has been loading for " +
+            formatted("%.0f", (::ros::WallTime::now() - being_loaded_->since).toSec()) + " s");
+  else if (!last_error_.empty())
     diagnosis.summary(DiagnosticStatus::ERROR, last_error_);
   else
-    diagnosis.summary(has_ct ? DiagnosticStatus::OK : DiagnosticStatus::WARN,
-                      has_ct ? "CT is held" : "no CT is held");
+    diagnosis.summary(has_ct ? DiagnosticStatus::OK : DiagnosticStatus::WARN, held);
   diagnosis.add("revision", info_.revision);
   if (has_ct) {
     diagnosis.add("format", info_.format);

@@ -35,6 +35,23 @@ class CtServer {
     bool has_labels = false;
   };
 
+  struct BeingLoaded {
+    std::string path;  // as it was given
+    ::ros::WallTime since;
+  };
+  /// While it lives, diagnostics tell that a CT is being loaded: nobody could know else why there
+  /// is none yet.
+  class Told {
+   public:
+    Told(CtServer& server, const std::string& path);
+    ~Told();
+    Told(const Told&) = delete;
+    Told& operator=(const Told&) = delete;
+
+   private:
+    CtServer& server_;
+  };
+
   bool on_load(us_ct_registration::LoadCt::Request& request,
                us_ct_registration::LoadCt::Response& response);
   bool on_roi(us_ct_registration::SetCtRoi::Request& request,
@@ -75,6 +92,7 @@ class CtServer {
   us_ct_registration::CtVolumeConstPtr volume_;
   us_ct_registration::CtInfo info_;
   std::string last_error_;
+  std::optional<BeingLoaded> being_loaded_;
 
   ::ros::Publisher volume_publisher_;
   ::ros::Publisher info_publisher_;

@@ -87,7 +87,8 @@ std::string why_nothing_arrived(const ::ros::NodeHandle& node, const ExpectedTop
            expected.datatype;
   // The publisher may have started only now.
   if (within_probe_time(cancelled, [&] { return subscriber.getNumPublishers() > 0; }))
-    return "the publisher of '" + expected.name + "' is connected, but has sent nothing yet";
+    return "the publisher of '" + expected.name +
+           "' is connected, but has sent nothing yet: its diagnostics say what it does";
   // A subscriber for any type would share the connection of an existing subscriber to the topic,
   // and that connection is the one that fails.
   subscriber.shutdown();
