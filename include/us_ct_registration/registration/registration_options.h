@@ -135,8 +135,8 @@ struct ConfidenceOptions {
   /// of the best one; >= 1.
   double rival_mm = 10.0;
   /// Similarities of patches on the images of the deciding level, which did not choose the pose:
-  /// almost without a ridge, where faint structure counts as well as edges, and with one. One
-  /// without parts gives no evidence.
+  /// almost without a ridge, where faint structure counts as well as edges, and with one. Each must
+  /// be a sum over patches (SimilarityNeeds::has_parts).
   SimilarityOptions similarity;
   SimilarityOptions ridge_similarity;
   /// Patches within cubes of this edge are not independent, mm; > 0.

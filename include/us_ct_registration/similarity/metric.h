@@ -17,7 +17,7 @@
 namespace usct {
 
 /// The images that a metric needs, the AcquisitionErrors that it can follow, and whether it has
-/// derivatives.
+/// parts and derivatives.
 struct SimilarityNeeds {
   /// Ultrasound cut into patches, and the CT averaged to the level's spacing and packed.
   bool patches = false;
@@ -27,6 +27,8 @@ struct SimilarityNeeds {
   bool beams = false;
   bool follows_depth_error = false;
   bool follows_sweep_error = false;
+  /// Whether it is a sum over patches, which Similarity::parts gives.
+  bool has_parts = false;
   /// Whether Similarity::derivatives gives any.
   bool has_derivatives = false;
 };

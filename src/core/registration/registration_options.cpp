@@ -175,7 +175,8 @@ void ConfidenceOptions::validate(const std::string& source) const {
 
 namespace {
 
-/// Evidence mirrors the images of the search, and compares patches. Whole beams cannot be mirrored.
+/// Evidence mirrors the images of the search, and compares patch by patch. Whole beams cannot be
+/// mirrored.
 void require_evidence(const RegistrationOptions& options, const std::string& source) {
   const auto refuse = [&](const std::string& option, const SimilarityOptions& similarity,
                           const std::string& instead) {
@@ -193,7 +194,8 @@ void require_evidence(const RegistrationOptions& options, const std::string& sou
   for (const auto& [option, similarity] :
        {std::pair("confidence.similarity", &confidence.similarity),
         std::pair("confidence.ridge_similarity", &confidence.ridge_similarity)})
-    if (!needs_of(*similarity).patches) refuse(option, *similarity, "it must compare patches");
+    if (!needs_of(*similarity).has_parts)
+      refuse(option, *similarity, "it must be a sum over patches, which local_lc2 is");
 }
 
 }  // namespace

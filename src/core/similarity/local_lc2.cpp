@@ -295,7 +295,7 @@ class LocalLc2 final : public PoseByPose {
 
 SimilarityNeeds LocalLc2Options::needs() const {
   SimilarityNeeds needs;
-  needs.patches = true;
+  needs.patches = needs.has_parts = true;
   needs.beams = channel == GradientChannel::kAlongBeam;
   needs.follows_depth_error = needs.follows_sweep_error = true;
   needs.has_derivatives = channel == GradientChannel::kMagnitude;

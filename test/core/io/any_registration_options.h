@@ -262,7 +262,7 @@ inline RegistrationOptions any_options() {
   seed = *rc::gen::arbitrary<std::uint32_t>();
   // Evidence compares patches, and mirrors the images of the levels.
   bool has_evidence =
-      needs_of(confidence.similarity).patches && needs_of(confidence.ridge_similarity).patches;
+      needs_of(confidence.similarity).has_parts && needs_of(confidence.ridge_similarity).has_parts;
   for (const LevelOptions& level : search.levels)
     has_evidence &=
         confidence.evidence == EvidenceSource::kPatient || !needs_of(level.similarity).recorded_ct;

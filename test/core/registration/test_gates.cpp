@@ -134,14 +134,13 @@ TEST(Gates, Overlap) {
   expect_refused(result, RegistrationStatus::kNoOverlap, {"overlap is ", "must be >= 1"});
 }
 
-/// A similarity that has no parts cannot be compared patch by patch.
-TEST(Gates, ARegistrationWithoutEvidenceIsRefusedUnlessTheGateIsOff) {
+/// A similarity that has no parts cannot be compared patch by patch: no pose could be accepted.
+TEST(Gates, OptionsThatGiveNoEvidenceAreRefusedUnlessTheGateIsOff) {
   const std::string no_parts =
       "similarity: {kind: ncc, patches: {depth_mm: 6, lateral_mm: 8, elevation_mm: 8, "
       "least_share: 0.5, samples: all}}, parts: {optimizer: {method: bobyqa}}";
-  expect_refused(with_options("confidence: {evidence: own, " + no_parts + "}\n"),
-                 RegistrationStatus::kLowConfidence,
-                 {"wrong_probability was not measured", "no evidence"});
+  expect_input_error([&] { with_options("confidence: {evidence: own, " + no_parts + "}\n"); },
+                     {"'confidence.similarity' is ncc", "no evidence"});
   const RegistrationResult result =
       with_options("confidence: {gates: {max_wrong_probability: none}, " + no_parts + "}\n");
   EXPECT_EQ(result.status, RegistrationStatus::kRegistered) << result.message;

@@ -579,6 +579,11 @@ TEST(Catalogue, MetricsSayWhatTheyNeed) {
     EXPECT_FALSE(needs.beams) << name;
     EXPECT_TRUE(needs.follows_depth_error) << name;
     EXPECT_EQ(needs.follows_sweep_error, name != "simulated_lc2");
+    if (needs.patches)
+      EXPECT_EQ(needs.has_parts, !make_case(name).similarity()->part_centres_us_mm().empty())
+          << name;
+    else
+      EXPECT_FALSE(needs.has_parts) << name;
   }
   LocalLc2Options along;
   along.channel = GradientChannel::kAlongBeam;
