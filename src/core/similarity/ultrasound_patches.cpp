@@ -6,7 +6,7 @@
 #include "parallel.h"
 #include "require.h"
 #include "similarity/patch_boxes.h"
-#include "similarity/sweep_motion.h"
+#include "ultrasound/sweep_motion.h"
 
 namespace usct {
 namespace {
@@ -52,7 +52,8 @@ class Cutter {
     std::vector<BeamMotion> motions;
     motions.reserve(us_.beams.beams.size());
     for (int f = 0; f < us_.beams.frames; ++f)
-      for (int l = 0; l < us_.beams.lines; ++l) motions.push_back({motion(f, l), motion.side(f)});
+      for (int l = 0; l < us_.beams.lines; ++l)
+        motions.push_back({motion.per_error(f, l), motion.side(f)});
     return motions;
   }
 

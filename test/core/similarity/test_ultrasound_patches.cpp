@@ -7,7 +7,7 @@
 
 #include "core/similarity/patch_scenes.h"
 #include "core/ultrasound/turning_sweeps.h"
-#include "similarity/sweep_motion.h"
+#include "ultrasound/sweep_motion.h"
 #include "us_ct_registration/error.h"
 #include "with_threads.h"
 

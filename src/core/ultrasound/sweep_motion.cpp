@@ -1,23 +1,26 @@
-#include "similarity/sweep_motion.h"
+#include "ultrasound/sweep_motion.h"
 
 #include <algorithm>
 
 namespace usct {
 
 SweepMotion::SweepMotion(const BeamGrid& beams)
-    : beams_(beams), window_(std::clamp(beams.frames / 10, 1, std::max(1, beams.frames / 2 - 1))) {
+    : beams_(beams),
+      place_(moving_place(beams)),
+      window_(std::clamp(beams.frames / 10, 1, std::max(1, beams.frames / 2 - 1))) {
   path_mm_.push_back(0.0);
   for (int f = 1; f < beams.frames; ++f)
-    path_mm_.push_back(path_mm_.back() + (smoothed_centre(f) - smoothed_centre(f - 1)).norm());
+    path_mm_.push_back(path_mm_.back() + (smoothed_place(f) - smoothed_place(f - 1)).norm());
   for (int f = 0; f < beams.frames; ++f) tangents_.push_back(tangent(f));
 }
 
-Beam SweepMotion::operator()(int frame, int line) const {
+Beam SweepMotion::per_error(int frame, int line) const {
   const Beam per_mm = slope(frame, line);
   return {from_middle_mm(frame) * per_mm.origin_mm, from_middle_mm(frame) * per_mm.direction};
 }
 
 Beam SweepMotion::moved(int frame, int line, double error) const {
+  if (!(path_mm_.back() > 0.0)) return beams_.beam(frame, line);  // nothing moves
   const double at_mm = path_mm(frame) + error * from_middle_mm(frame);
   const auto after = std::lower_bound(path_mm_.begin(), path_mm_.end(), at_mm);
   const int end = static_cast<int>(after - path_mm_.begin());
@@ -49,11 +52,11 @@ Beam SweepMotion::slope(int frame, int line) const {
   return slope;
 }
 
-Eigen::Vector3d SweepMotion::smoothed_centre(int frame) const {
+Eigen::Vector3d SweepMotion::smoothed_place(int frame) const {
   const int half = std::min({window_, frame, beams_.frames - 1 - frame});
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (int f = frame - half; f <= frame + half; ++f)
-    sum += beams_.point(f, beams_.lines / 2, 0.5 * beams_.samples());
+    sum += beams_.point(f, place_.line, place_.sample);
   return sum / (2 * half + 1);
 }
 

@@ -4,21 +4,23 @@
 #include <utility>
 #include <vector>
 
+#include "ultrasound/moving_place.h"
 #include "us_ct_registration/geometry/beam_grid.h"
-#include "us_ct_registration/similarity/similarity.h"
+#include "us_ct_registration/ultrasound/acquisition_errors.h"
 
 namespace usct {
 
 /// Motion of the frames if the sweep is longer than recorded: the tangent of each beam's path,
 /// times the distance of its frame from the middle of the sweep. A frame's position along the sweep
-/// is the arc length of the path of the field's centre, smoothed since tracked poses jitter.
+/// is the arc length of the path of a place that moves with the field (moving_place), smoothed
+/// since tracked poses jitter.
 class SweepMotion {
  public:
   /// The beams must outlive it.
   explicit SweepMotion(const BeamGrid& beams);
 
   /// Motion of a beam's origin and direction per unit of error, mm.
-  Beam operator()(int frame, int line) const;
+  Beam per_error(int frame, int line) const;
   /// The place of a beam if its frame is (1 + error) times as far from the middle of the sweep as
   /// recorded: between recorded frames, or beyond the last one along its tangent.
   Beam moved(int frame, int line, double error) const;
@@ -35,12 +37,13 @@ class SweepMotion {
   double from_middle_mm(int frame) const { return path_mm(frame) - 0.5 * path_mm_.back(); }
   /// Mean over a window that shrinks towards the ends of the sweep and so stays centred on the
   /// frame.
-  Eigen::Vector3d smoothed_centre(int frame) const;
+  Eigen::Vector3d smoothed_place(int frame) const;
   /// Tangent of the parabola through three frames around this one, or nearest to it at the ends of
   /// the sweep; of a straight line if there are fewer frames. Empty if nothing moves.
   Tangent tangent(int frame) const;
 
   const BeamGrid& beams_;
+  const MeasuredPlace place_;
   int window_;  // number of frames on either side
   std::vector<double> path_mm_;
   std::vector<Tangent> tangents_;
