@@ -2,6 +2,7 @@
 
 #include "registration/images/image_pyramid.h"
 #include "require.h"
+#include "ultrasound/stray_frames.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {
@@ -41,7 +42,9 @@ std::array<SimilarityProfile, 6> similarity_profiles(const BeamUltrasound& ultra
   profile.validate();
   const RegistrationHooks hooks;
   Run run(hooks);
-  const Outcome<ImagePyramid> images = prepare({ultrasound, ct, T_us_ct, options}, run);
+  const FramesOnPath frames = frames_on_path(ultrasound);
+  const BeamUltrasound& on_path = frames.others ? *frames.others : ultrasound;
+  const Outcome<ImagePyramid> images = prepare({on_path, ct, T_us_ct, options}, run);
   const Level level = options.refinement
                           ? or_error(refinement_level(or_error(images), ct, T_us_ct, options))
                           : or_error(images).levels.back();

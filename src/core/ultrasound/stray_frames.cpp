@@ -92,4 +92,14 @@ BeamUltrasound without_frames(const BeamUltrasound& in, const std::vector<int>& 
   return out;
 }
 
+FramesOnPath frames_on_path(const BeamUltrasound& ultrasound) {
+  ultrasound.validate();
+  ultrasound.beams.validate();
+  FramesOnPath frames{stray_frames(ultrasound.beams), std::nullopt};
+  if (!frames.stray.empty()) frames.others = without_frames(ultrasound, frames.stray);
+  require_no_jump(frames.others ? frames.others->beams : ultrasound.beams, "ultrasound",
+                  frames.stray);
+  return frames;
+}
+
 }  // namespace usct

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,16 @@ constexpr double kMostStrayShare = 0.1;
 /// None if more than kMostStrayShare of the frames lie so, as where their order is not that of a
 /// path, or if the sweep is that of a motor. The beams must be valid.
 std::vector<int> stray_frames(const BeamGrid& beams);
+
+/// The stray frames of ultrasound, and the ultrasound without them if there are any.
+struct FramesOnPath {
+  std::vector<int> stray;
+  std::optional<BeamUltrasound> others;
+};
+
+/// Finds them. Throws InputError if the ultrasound is malformed, or another of its frames jumps
+/// (require_no_jump).
+FramesOnPath frames_on_path(const BeamUltrasound& ultrasound);
 
 /// Says how many of a sweep's frames are stray, which comes first, and why, for messages.
 std::string stray_words(const std::vector<int>& stray, int frames);

@@ -4,6 +4,7 @@
 
 #include "core/io/expect_input_error.h"
 #include "core/registration/registration_cases.h"
+#include "ultrasound/stray_frames.h"
 #include "us_ct_registration/registration/similarity_profile.h"
 
 namespace usct::test {
@@ -51,6 +52,28 @@ TEST(SimilarityProfile, PointsBackFromAPoseBesideTheTruth) {
                 axis < 3 ? -5.0 : -radians(5.0), 1e-12)
         << "axis " << axis;
   }
+}
+
+/// A frame with a wrong pose of the tracker is left out, as it is from a registration.
+TEST(SimilarityProfile, IsThatOfTheFramesOnTheProbesPath) {
+  RegistrationCase recorded = agar_case();
+  recorded.us.beams.tracked = true;
+  RegistrationCase with_stray = recorded;
+  const int stray = recorded.us.beams.frames / 3;
+  for (int line = 0; line < recorded.us.beams.lines; ++line)
+    with_stray.us.beams.beams[static_cast<std::size_t>(stray * recorded.us.beams.lines + line)]
+        .origin_mm.x() += 100.0;
+  const auto profiles = [&](const BeamUltrasound& us) {
+    return similarity_profiles(us, recorded.ct, recorded.T_us_ct_true, middle_us_mm(recorded),
+                               preset("fast"), {15.0, radians(15.0), 2});
+  };
+  const Profiles expected = profiles(without_frames(recorded.us, {stray}));
+  const Profiles found = profiles(with_stray.us);
+  for (std::size_t axis = 0; axis < 6; ++axis) EXPECT_EQ(found[axis].values, expected[axis].values);
+  for (Beam& beam : with_stray.us.beams.beams)
+    if (&beam >= &with_stray.us.beams.beams[with_stray.us.beams.beams.size() / 2])
+      beam.origin_mm.x() += 300.0;
+  expect_input_error([&] { profiles(with_stray.us); }, {"lie", "mm apart"});
 }
 
 TEST(SimilarityProfile, WhatCannotBeRegisteredIsAnError) {
