@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "us_ct_registration/registration/gates.h"
+#include "us_ct_registration/registration/measures.h"
 
 namespace usct {
 

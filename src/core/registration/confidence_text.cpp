@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "us_ct_registration/formatted.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct {
 namespace {
@@ -45,7 +46,7 @@ std::string agreement_of_mirrors(const Measures& m) {
 
 std::string evidence_text(const Measures& m) {
   const std::optional<RightProbability> right = right_probability(m);
-  if (!right) return "evidence: none, the ultrasound has too few samples that count\n";
+  if (!right) return "evidence: " + missing_evidence(m) + "\n";
   return "evidence, and the probability that the pose is right as far as each kind can tell:\n" +
          line("comparison with mirrored ultrasound", right->mirrors,
               formatted(

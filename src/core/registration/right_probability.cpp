@@ -1,11 +1,21 @@
+#include "us_ct_registration/registration/right_probability.h"
+
 #include <algorithm>
 #include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 
-#include "us_ct_registration/registration/gates.h"
-
 namespace usct {
 namespace {
+
+using Measure = std::optional<double> Measures::*;
+
+/// The measures without which nothing is said, and those that count where they were taken.
+constexpr Measure kNeeded[] = {
+    &Measures::displacement_mm, &Measures::mirror_ratio,    &Measures::mirror_advantage,
+    &Measures::rival_ratio,     &Measures::rival_advantage, &Measures::parts_mm,
+    &Measures::local_agreement, &Measures::local_advantage, &Measures::tissue_motion_mm};
+constexpr Measure kUsedIfMeasured[] = {&Measures::expected_error_mm, &Measures::mirror_agreement,
+                                       &Measures::ridge_parts_mm, &Measures::wide_motion_mm};
 
 double logistic(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)); }
 
@@ -135,6 +145,22 @@ double probability_near(double rms_mm) {
   return boost::math::gamma_p(1.5, 1.5 * ratio * ratio);
 }
 
+/// The first measure that the probability cannot be computed with.
+std::optional<Measure> first_unusable(const Measures& m) {
+  for (const Measure measure : kNeeded)
+    if (!(m.*measure) || std::isnan(*(m.*measure))) return measure;
+  for (const Measure measure : kUsedIfMeasured)
+    if (m.*measure && std::isnan(*(m.*measure))) return measure;
+  return std::nullopt;
+}
+
+std::string name_of(Measure measure) {
+  const auto& fields = measure_fields();
+  return std::find_if(fields.begin(), fields.end(),
+                      [&](const MeasureField& field) { return field.value == measure; })
+      ->name;
+}
+
 }  // namespace
 
 double halves_motion_mm(const Measures& measures) {
@@ -148,13 +174,7 @@ double RightProbability::all() const {
 }
 
 std::optional<RightProbability> right_probability(const Measures& m) {
-  for (const std::optional<double>& value :
-       {m.displacement_mm, m.mirror_ratio, m.mirror_advantage, m.rival_ratio, m.rival_advantage,
-        m.parts_mm, m.local_agreement, m.local_advantage, m.tissue_motion_mm})
-    if (!value || std::isnan(*value)) return std::nullopt;
-  for (const std::optional<double>& value :
-       {m.expected_error_mm, m.mirror_agreement, m.ridge_parts_mm, m.wide_motion_mm})
-    if (value && std::isnan(*value)) return std::nullopt;
+  if (first_unusable(m)) return std::nullopt;
   const double far = std::max(0.0, *m.displacement_mm - kUsualDisplacementMm) / kPerMm;
   const MirrorComparison mirrors = mirror_comparison(m);
   RightProbability right;
@@ -165,6 +185,19 @@ std::optional<RightProbability> right_probability(const Measures& m) {
   right.anatomy = logistic(anatomy_log_odds(m, mirrors));
   if (m.expected_error_mm) right.near = probability_near(*m.expected_error_mm);
   return right;
+}
+
+std::string missing_evidence(const Measures& measures) {
+  const bool is_gathered =
+      std::any_of(std::begin(kNeeded), std::end(kNeeded), [&](const Measure measure) {
+        return measure != &Measures::displacement_mm && measures.*measure;
+      });
+  if (!is_gathered) return "none was gathered";
+  const std::optional<Measure> missing = first_unusable(measures);
+  if (!missing) return "";
+  return name_of(*missing) +
+         " could not be measured, since the ultrasound has too few samples that count and lie in "
+         "the CT";
 }
 
 std::optional<double> wrong_probability(const Measures& measures) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "registration/evidence/doubts.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct::test {
 namespace {

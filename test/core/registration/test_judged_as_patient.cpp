@@ -5,6 +5,7 @@
 #include "core/registration/analytic_similarity.h"
 #include "core/registration/registration_cases.h"
 #include "registration/attempts/judged_as_patient.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct::test {
 namespace {

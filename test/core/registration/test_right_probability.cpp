@@ -10,6 +10,7 @@
 #include "nan.h"
 #include "us_ct_registration/registration/confidence_text.h"
 #include "us_ct_registration/registration/gates.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct::test {
 namespace {
@@ -383,6 +384,26 @@ TEST(RightProbability, NothingFollowsFromEvidenceThatIsAbsentOrNoNumber) {
   measures.ridge_parts_mm = kNan;
   EXPECT_FALSE(right_probability(measures));
   EXPECT_FALSE(right_probability({}));
+}
+
+/// The words must not name a cause that is not there: without the gate on it, no evidence is
+/// gathered for a pose that may be right.
+TEST(RightProbability, WordsSayWhichEvidenceIsMissing) {
+  EXPECT_EQ(missing_evidence(middling()), "");
+  Measures none;
+  none.overlap = 0.9;
+  none.displacement_mm = 3.0;
+  EXPECT_EQ(missing_evidence(none), "none was gathered");
+  EXPECT_EQ(evidence_text(none), "evidence: none was gathered\n");
+  for (const std::optional<double>& value : {std::optional<double>(), std::optional(kNan)}) {
+    Measures some = middling();
+    some.parts_mm = value;
+    EXPECT_EQ(missing_evidence(some).find("parts_mm could not be measured"), 0U);
+    EXPECT_NE(evidence_text(some).find("parts_mm"), std::string::npos);
+  }
+  Measures measures = middling();
+  measures.wide_motion_mm = kNan;
+  EXPECT_EQ(missing_evidence(measures).find("wide_motion_mm "), 0U);
 }
 
 TEST(RightProbability, OtherMeasuresAreNoEvidence) {

@@ -6,6 +6,7 @@
 #include "core/tools/run_usct.h"
 #include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct::test {
 namespace {

@@ -8,6 +8,7 @@
 #include "registration/evidence/decoys.h"
 #include "ultrasound/stray_frames.h"
 #include "us_ct_registration/formatted.h"
+#include "us_ct_registration/registration/right_probability.h"
 
 namespace usct::registration {
 namespace {
@@ -131,7 +132,7 @@ std::string acquisition_words(const Measures& m) {
 /// evidence gives the reason.
 std::string explanation(const Assessment& assessment) {
   const std::optional<RightProbability> right = right_probability(assessment.measures);
-  if (!right) return "there is no evidence for it: the ultrasound has too few samples that count";
+  if (!right) return "there is no evidence for it: " + missing_evidence(assessment.measures);
   const double least = std::min({right->mirrors, right->chance, right->anatomy, right->near});
   if (least == right->mirrors || is_mirrored(assessment.measures)) return mirror_words(assessment);
   if (least == right->chance) return chance_words(assessment.measures);

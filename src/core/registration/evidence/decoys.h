@@ -4,7 +4,7 @@
 
 #include "registration/evidence/field_axes.h"
 #include "registration/search/multi_start.h"
-#include "us_ct_registration/registration/gates.h"
+#include "us_ct_registration/registration/measures.h"
 
 /// Decoys: the ultrasound mirrored, and searched for in the CT like the ultrasound itself. A
 /// mirrored field of view has the same brightness, noise and layers, but no right pose. The

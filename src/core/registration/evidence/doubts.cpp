@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "us_ct_registration/registration/right_probability.h"
+
 namespace usct::registration {
 
 bool is_beyond_doubt(const Measures& measures, double limit) {

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "us_ct_registration/registration/gates.h"
+#include "us_ct_registration/registration/measures.h"
 
 /// Questions to the measures of a pose: which evidence that is not gathered yet, or which search
 /// that was not made yet, could change what is thought of it.
