@@ -52,12 +52,9 @@ class ErrorClimbs {
   Candidate best(const AcquisitionErrors& limits) const {
     // In mm and per cent: an error that matters lies several per cent away, along a flat ridge.
     constexpr double kStep = 4.0;
-    std::vector<Candidate> found{from_};
     OptimizerOptions optimizer = how_.optimizer;
-    if (limits.depth > 0.0 || limits.sweep > 0.0)
-      optimizer.initial_step = std::max(kStep, optimizer.initial_step);
-    climb(similarity_, {optimizer, how_.reach_mm, limits, 1}, field_, found, run_);
-    return found.front();
+    if (limits.any()) optimizer.initial_step = std::max(kStep, optimizer.initial_step);
+    return climbed(similarity_, {optimizer, how_.reach_mm, limits}, field_, from_, run_);
   }
   Comparison compare(const Candidate& one, const Candidate& other) const {
     if (!(other.value > 0.0)) return {};
@@ -94,7 +91,7 @@ std::optional<AcquisitionCheck> check_acquisition(const Candidate& judged,
                                                   const SimilarityOptions& similarity,
                                                   const ConfidenceOptions& options,
                                                   const FieldPoints& field, Run& run) {
-  if (!needs_of(similarity).patches) return std::nullopt;
+  if (!needs_of(similarity).has_parts) return std::nullopt;
   SimilarityImages along_beams = with_beams(images);
   const std::shared_ptr<const Similarity> stretched =
       make_similarity(along_beams, on_samples(similarity, SampleSubset::kHalf));

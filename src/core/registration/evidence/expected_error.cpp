@@ -92,7 +92,7 @@ BeamGrid frames_that_count(const BeamGrid& recorded, const BeamUltrasound& condi
 Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves,
                                             const BeamGrid& recorded, const Vector3d& centre_us_mm,
                                             const ErrorOptions& options,
-                                            const AcquisitionErrors& shown) {
+                                            const AcquisitionErrors& estimated) {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   const auto add = [&](const Motion& deviation) {
     covariance += deviation * deviation.transpose();
@@ -104,13 +104,14 @@ Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves
     add(share * motion_between(half.first, half.last, centre_us_mm));
   }
   const Vector3d axial = field_axes(recorded).axial;
-  const double depth_share = std::max(options.sound_speed_share, std::abs(shown.depth));
+  const double depth_share = std::max(options.sound_speed_share, std::abs(estimated.depth));
   add(shift(depth_share * depth_of(centre_us_mm, recorded, axial) * axial));
   const auto [line, sample] = moving_place(recorded);
   const Vector3d path =
       recorded.point(recorded.frames - 1, line, sample) - recorded.point(0, line, sample);
-  const double sweep_share =
-      recorded.corrected_sweep ? std::max(options.sweep_share, std::abs(shown.sweep)) : shown.sweep;
+  const double sweep_share = recorded.corrected_sweep
+                                 ? std::max(options.sweep_share, std::abs(estimated.sweep))
+                                 : estimated.sweep;
   add(shift(0.25 * sweep_share * path));
   // Frames at rest are no part of the path.
   const int frames = moving_frames(recorded);

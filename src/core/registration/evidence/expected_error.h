@@ -20,15 +20,16 @@ BeamGrid frames_that_count(const BeamGrid& recorded, const BeamUltrasound& condi
 /// which needs no assumption on how errors within a half are correlated. Added to it are errors
 /// of the recorded beams that move the field, and that the pose makes up for: a wrong speed of
 /// sound shifts it along the beams, in proportion to its depth, and a lag between images and poses
-/// along a tracked sweep, by frames that move (see moving_frames). `shown` are the errors that the
-/// images show. A depth error counts if it is more than that of the options. A sweep error s is
-/// thought to be that of one side of the middle frame, which has twice as much while the other side
-/// has none: the best pose then lies a quarter of s times the path of the sweep off.
+/// along a tracked sweep, by frames that move (see moving_frames). Of `estimated`, a depth error
+/// counts if it is more than that of the options: the estimate is biased, so that it must be 0
+/// where the images do not show one. A sweep error s is thought to be that of one side of the
+/// middle frame, which has twice as much while the other side has none: the best pose then lies a
+/// quarter of s times the path of the sweep off.
 Eigen::Matrix<double, 6, 6> pose_covariance(const std::vector<HalfPoses>& halves,
                                             const BeamGrid& recorded,
                                             const Eigen::Vector3d& centre_us_mm,
                                             const ErrorOptions& options,
-                                            const AcquisitionErrors& shown = {});
+                                            const AcquisitionErrors& estimated = {});
 
 /// The covariance of a shift in any direction whose root mean square length is `rms_mm`.
 Eigen::Matrix<double, 6, 6> shift_covariance(double rms_mm);

@@ -11,22 +11,21 @@ namespace {
 Candidate fitted_pose(const Decoy& decoy, const Similarity& fitted, const PartOptions& how,
                       const AcquisitionErrors& errors, const FieldPoints& field, Run& run) {
   const MirroredSimilarity mirrored(fitted, decoy.T_mirror);
-  std::vector<Candidate> climbed{{decoy.best.T_us_ct, {}}};
-  climb(mirrored, {how.optimizer, how.reach_mm, errors, 1}, field, climbed, run);
-  return climbed.front();
+  return climbed(mirrored, {how.optimizer, how.reach_mm, errors}, field, {decoy.best.T_us_ct, {}},
+                 run);
 }
 
 }  // namespace
 
 std::optional<double> mirror_agreement(const std::vector<Decoy>& decoys, const Similarity& fitted,
-                                       const Similarity& asked, const PartOptions& climb,
+                                       const Similarity& asked, const PartOptions& how,
                                        const AcquisitionErrors& errors,
                                        const LocalAgreementOptions& options,
                                        const FieldPoints& field, Run& run) {
   std::vector<Candidate> poses(decoys.size());
   parallel_for(static_cast<int>(decoys.size()), [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    poses[at] = fitted_pose(decoys[at], fitted, climb, errors, field, run);
+    poses[at] = fitted_pose(decoys[at], fitted, how, errors, field, run);
   });
   std::optional<double> most;
   for (std::size_t i = 0; i < decoys.size(); ++i) {

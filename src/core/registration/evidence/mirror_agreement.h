@@ -15,7 +15,7 @@ namespace usct::registration {
 /// similarity of the clusters. `errors` are the greatest errors of the acquisition that a decoy may
 /// climb to. Unset if no decoy has a local agreement.
 std::optional<double> mirror_agreement(const std::vector<Decoy>& decoys, const Similarity& fitted,
-                                       const Similarity& asked, const PartOptions& climb,
+                                       const Similarity& asked, const PartOptions& how,
                                        const AcquisitionErrors& errors,
                                        const LocalAgreementOptions& options,
                                        const FieldPoints& field, Run& run);

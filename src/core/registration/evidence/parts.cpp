@@ -78,9 +78,7 @@ Candidate pose_of(SimilarityImages& half, const SimilarityOptions& similarity,
                   const FieldPoints& field, Run& run) {
   const std::shared_ptr<const Similarity> part = make_similarity(half, similarity);
   if (!part) return {};
-  std::vector<Candidate> climbed{{T_us_ct, {}}};
-  climb(*part, {options.optimizer, options.reach_mm, {}, 1}, field, climbed, run);
-  return climbed.front();
+  return climbed(*part, {options.optimizer, options.reach_mm, {}}, field, {T_us_ct, {}}, run);
 }
 
 }  // namespace

@@ -20,29 +20,32 @@ void set_value(Candidate& candidate, const SimilarityValue& value) {
   candidate.overlap = value.overlap;
 }
 
+/// The errors in the order of SimilarityDerivatives.
+constexpr double AcquisitionErrors::*kErrors[] = {
+    &AcquisitionErrors::depth, &AcquisitionErrors::sweep, &AcquisitionErrors::unevenness};
+
 /// The parameters of an optimizer: six of the pose, then the errors that are estimated.
 class Parameters {
  public:
   /// `scaled`: parameters about any pose.
   Parameters(const Climb& how, const Candidate& from, const PoseParameters& scaled)
-      : how_(how), pose_(scaled.about(from.T_us_ct)), from_(from) {}
+      : how_(how), pose_(scaled.about(from.T_us_ct)), from_(from) {
+    for (int i = 0; i < static_cast<int>(std::size(kErrors)); ++i)
+      if (how.error_limits.*kErrors[i] > 0.0) free_.push_back(i);
+  }
 
   OptimizerProblem problem() const {
-    const AcquisitionErrors& limits = how_.error_limits;
-    const int count = 6 + (limits.depth > 0.0 ? 1 : 0) + (limits.sweep > 0.0 ? 1 : 0) +
-                      (limits.unevenness > 0.0 ? 1 : 0);
+    const int count = kMotion + static_cast<int>(free_.size());
     OptimizerProblem problem;
     problem.start = VectorXd::Zero(count);
     problem.lower = VectorXd::Constant(count, -how_.reach_mm);
     problem.upper = VectorXd::Constant(count, how_.reach_mm);
     problem.scale = VectorXd::Ones(count);
-    int at = 6;
-    for (const auto& [limit, error] :
-         {std::pair(limits.depth, from_.errors.depth), std::pair(limits.sweep, from_.errors.sweep),
-          std::pair(limits.unevenness, from_.errors.unevenness)}) {
-      if (!(limit > 0.0)) continue;
+    int at = kMotion;
+    for (const int error : free_) {
+      const double limit = how_.error_limits.*kErrors[error];
       problem.scale[at] = kErrorPerUnit;
-      problem.start[at] = error;
+      problem.start[at] = from_.errors.*kErrors[error];
       problem.lower[at] = -limit;
       problem.upper[at] = limit;
       ++at;
@@ -51,11 +54,9 @@ class Parameters {
   }
 
   Candidate candidate(const VectorXd& x) const {
-    Candidate result{pose_.T_us_ct(x.head<6>()), from_.errors};
-    int at = 6;
-    if (how_.error_limits.depth > 0.0) result.errors.depth = x[at++];
-    if (how_.error_limits.sweep > 0.0) result.errors.sweep = x[at++];
-    if (how_.error_limits.unevenness > 0.0) result.errors.unevenness = x[at++];
+    Candidate result{pose_.T_us_ct(x.head<kMotion>()), from_.errors};
+    int at = kMotion;
+    for (const int error : free_) result.errors.*kErrors[error] = x[at++];
     return result;
   }
 
@@ -68,30 +69,29 @@ class Parameters {
   }
 
  private:
+  static constexpr int kMotion = SimilarityDerivatives::kMotion;
+
   /// How the parameters change what SimilarityDerivatives are by. If the CT moves in the US frame,
   /// the ultrasound moves the other way in the CT.
   MatrixXd by_parameters(const VectorXd& x) const {
-    constexpr int kMotion = SimilarityDerivatives::kMotion;
     MatrixXd changes = MatrixXd::Zero(SimilarityDerivatives::kCount, x.size());
     changes.topLeftCorner<kMotion, kMotion>() = -pose_.motion_derivative(x.head<kMotion>());
     int at = kMotion;
-    if (how_.error_limits.depth > 0.0) changes(kMotion, at++) = 1.0;
-    if (how_.error_limits.sweep > 0.0) changes(kMotion + 1, at++) = 1.0;
-    if (how_.error_limits.unevenness > 0.0) changes(kMotion + 2, at++) = 1.0;
+    for (const int error : free_) changes(kMotion + error, at++) = 1.0;
     return changes;
   }
 
   const Climb& how_;
   PoseParameters pose_;
   Candidate from_;
+  std::vector<int> free_;  // of kErrors, those that are estimated
 };
 
 /// The optimizer for a climb on a similarity.
 OptimizerOptions optimizer_of(const Climb& how, const Similarity& similarity) {
   OptimizerOptions optimizer = how.optimizer;
   optimizer.seed = how.seed;
-  const bool estimates_errors = how.error_limits.depth > 0.0 || how.error_limits.sweep > 0.0;
-  if (optimizer.method == OptimizerMethod::kGaussNewton && estimates_errors &&
+  if (optimizer.method == OptimizerMethod::kGaussNewton && how.error_limits.any() &&
       !similarity.has_error_derivatives())
     optimizer.method = OptimizerMethod::kBobyqa;
   return optimizer;
@@ -168,6 +168,13 @@ void climb(const std::vector<Climbers>& groups, const Climb& how, const FieldPoi
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run) {
   climb({{similarity, candidates}}, how, field, run);
+}
+
+Candidate climbed(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+                  const Candidate& from, Run& run) {
+  std::vector<Candidate> one{from};
+  climb(similarity, how, field, one, run);
+  return one.front();
 }
 
 void sort_best_first(std::vector<Candidate>& candidates, std::size_t most) {

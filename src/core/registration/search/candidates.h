@@ -37,7 +37,8 @@ struct Climb {
   double reach_mm;
   /// Limits within which AcquisitionErrors are estimated as well; 0: not estimated.
   AcquisitionErrors error_limits;
-  std::uint32_t seed;
+  /// For a method that draws. Evidence takes the same in all registrations.
+  std::uint32_t seed = 1;
 };
 
 /// Candidates that climb on one similarity, whether they have a value yet or not.
@@ -55,6 +56,10 @@ void climb(const std::vector<Climbers>& groups, const Climb& how, const FieldPoi
 /// The same for one group.
 void climb(const Similarity& similarity, const Climb& how, const FieldPoints& field,
            std::vector<Candidate>& candidates, Run& run);
+
+/// The optimum near one candidate.
+Candidate climbed(const Similarity& similarity, const Climb& how, const FieldPoints& field,
+                  const Candidate& from, Run& run);
 
 /// Sorts best first and keeps `most` at most; candidates of equal value keep their order.
 void sort_best_first(std::vector<Candidate>& candidates, std::size_t most);

@@ -10,12 +10,12 @@ Outcome<Candidate> refine(const ImagePyramid& images, const PreparedCt& ct,
       run.timed("ct", [&] { return refinement_level(images, ct, optimum.T_us_ct, options); });
   if (!level) return level.refusal();
   return run.timed("refinement", [&]() -> Outcome<Candidate> {
-    std::vector<Candidate> refined{{optimum.T_us_ct, optimum.errors}};
-    climb(*level->similarity, {refinement.optimizer, refinement.reach_mm, {}, options.seed},
-          images.prepared.field, refined, run);
-    if (!refined.front().has_value())
+    const Candidate refined =
+        climbed(*level->similarity, {refinement.optimizer, refinement.reach_mm, {}, options.seed},
+                images.prepared.field, {optimum.T_us_ct, optimum.errors}, run);
+    if (!refined.has_value())
       return Refusal{RegistrationStatus::kNoOverlap, "CT and ultrasound do not overlap"};
-    return refined.front();
+    return refined;
   });
 }
 
