@@ -9,58 +9,16 @@
 #include "ultrasound/resting_frames.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
-#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct::registration {
 namespace {
 
-using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-/// Approximate number of points that measure distances between poses; more would not change them.
-constexpr std::size_t kPoints = 2000;
 /// Fewest points that define the six parameters of a pose.
 constexpr std::size_t kLeastPoints = 100;
 /// Fewest voxels along each axis: a cell of the packed CT and one voxel more on either side.
 constexpr int kLeastVoxels = 4;
-
-/// `known` must be 1 at the samples that count, and 0 elsewhere.
-std::vector<Vector3d> counting_points(const BeamUltrasound& us) {
-  const auto counting = static_cast<std::size_t>(std::count(us.known.begin(), us.known.end(), 1));
-  const std::size_t step = std::max<std::size_t>(1, counting / kPoints);
-  std::vector<Vector3d> points;
-  const auto samples = static_cast<std::size_t>(us.beams.samples());
-  std::size_t to_skip = 0;  // counted down, since a remainder takes far longer
-  for (std::size_t beam = 0; beam < us.beams.beams.size(); ++beam) {
-    const std::uint8_t* known = us.known.data() + beam * samples;
-    const auto of_beam = static_cast<std::size_t>(std::count(known, known + samples, 1));
-    if (of_beam <= to_skip) {
-      to_skip -= of_beam;
-      continue;
-    }
-    const Beam& from = us.beams.beams[beam];
-    for (std::size_t s = 0; s < samples; ++s) {
-      if (known[s] == 0) continue;
-      if (to_skip == 0)
-        points.push_back(from.origin_mm +
-                         us.beams.axial.depth_mm(static_cast<double>(s)) * from.direction);
-      to_skip = to_skip == 0 ? step - 1 : to_skip - 1;
-    }
-  }
-  return points;
-}
-
-/// First and last samples of lines that are spread over each frame: a probe may go there and back
-/// any number of times, so that no choice of frames is sure to have all places.
-std::vector<Vector3d> outline(const BeamGrid& beams) {
-  constexpr int kSteps = 6;
-  std::vector<Vector3d> points;
-  for (int f = 0; f < beams.frames; ++f)
-    for (int l = 0; l <= kSteps; ++l)
-      for (const int s : {0, beams.samples() - 1})
-        points.push_back(beams.point(f, l * (beams.lines - 1) / kSteps, s));
-  return points;
-}
 
 /// Why a part of the CT of this size does not suffice.
 std::string words_for_little_ct(const Eigen::Vector3i& size) {
@@ -90,22 +48,13 @@ bool needs_beams(const RegistrationOptions& options) {
          (refinement && along(refinement->similarity));
 }
 
-/// Unset if the ultrasound has this spacing already.
-std::optional<BeamUltrasound> averaged(const BeamUltrasound& us,
-                                       const std::optional<double>& spacing_mm) {
-  if (!spacing_mm) return std::nullopt;
-  const Vector3i factors = factors_for_spacing(us.beams, *spacing_mm);
-  if (factors == Vector3i::Ones()) return std::nullopt;
-  return decimate(us, factors);
-}
-
 /// `packed` is null if the similarity uses the recorded CT.
 std::shared_ptr<SimilarityImages> images_of(const ClimbOptions& level,
                                             const PreparedUltrasound& prepared,
                                             const CtInReach& in_reach,
                                             std::shared_ptr<const PackedCt> packed,
                                             const RegistrationOptions& options) {
-  std::optional<BeamUltrasound> coarse = averaged(*prepared.us, level.spacing_mm);
+  std::optional<BeamUltrasound> coarse = averaged_to(*prepared.us, level.spacing_mm);
   // Made here by all threads. A climb would make it in one of them, while the others wait.
   if (packed && level.optimizer.method == OptimizerMethod::kGaussNewton) packed->gradient();
   return std::make_shared<SimilarityImages>(
@@ -179,51 +128,49 @@ std::optional<Refusal> hopeless(const Eigen::Isometry3d& T_us_ct_initial,
   return std::nullopt;
 }
 
+/// The reason why the ultrasound shows no pose, if there is one.
+std::optional<Refusal> unusable(const FieldPoints& field, const BeamGrid& beams,
+                                const RegistrationOptions& options) {
+  const auto failed = [](const std::string& why) {
+    return Refusal{RegistrationStatus::kFailed, why};
+  };
+  if (const std::size_t count = field.us_mm().size(); count < kLeastPoints)
+    return failed(words_for_few_samples(count));
+  if (lie_on_a_line(field.us_mm()))
+    return failed("what counts in the ultrasound lies on one line: no rotation about it shows");
+  if (EvidencePlan(options.confidence).gathers() && std::min(beams.frames, beams.lines) < 2)
+    return failed(std::string("the ultrasound has one ") + (beams.frames < 2 ? "frame" : "line") +
+                  " in another place than the others, must have two at least: its halves must "
+                  "agree about a pose for it to be believed");
+  return std::nullopt;
+}
+
+/// Adds the levels of the search, or says why there can be none.
+std::optional<Refusal> add_levels(const PreparedCt& ct, const RegistrationOptions& options,
+                                  ImagePyramid& pyramid, Run& run) {
+  const std::vector<LevelOptions>& levels = options.search.levels;
+  const std::vector<std::shared_ptr<const PackedCt>> cts =
+      packed_cts(ct, pyramid.in_reach.region, steps_of(levels, ct.ct().grid), options, run.check());
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    run.check_cancelled();
+    std::shared_ptr<SimilarityImages> of_level =
+        images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options);
+    const SimilarityOptions similarity = similarity_of(levels[i], of_level->ultrasound());
+    Outcome<Level> level = level_on(std::move(of_level), similarity);
+    if (!level) return level.refusal();
+    if (levels[i].screened)
+      level->screening =
+          make_similarity(*level->images, on_samples(similarity, SampleSubset::kQuarter));
+    pyramid.levels.push_back(std::move(*level));
+  }
+  return std::nullopt;
+}
+
 bool same_images(const ClimbOptions& a, const ClimbOptions& b) {
   return a.spacing_mm == b.spacing_mm && !needs_recorded_ct(a) && !needs_recorded_ct(b);
 }
 
 }  // namespace
-
-PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options, const Check& check) {
-  const std::optional<BeamUltrasound> coarse =
-      averaged(ultrasound, options.conditioning_spacing_mm);
-  const BeamUltrasound& input = coarse ? *coarse : ultrasound;
-  ConditionedUltrasound conditioned = condition(input, options.conditioning, [&](double) {
-    if (check) check();
-  });
-  auto us = std::make_shared<BeamUltrasound>();
-  us->beams = input.beams;
-  us->brightness = std::move(conditioned.samples);
-  us->known = std::move(conditioned.reasons);
-  for (std::uint8_t& known : us->known) known = known == 0 ? 1 : 0;
-  FieldPoints field(counting_points(*us));
-  return {std::move(us), std::move(field)};
-}
-
-CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
-                      const Eigen::Isometry3d& T_us_ct_initial, const SearchOptions& options) {
-  std::vector<Vector3d> points = outline(beams);
-  double margin_mm = options.ct_margin_mm;
-  if (const std::optional<StartOptions>& starts = options.starts) {
-    Vector3d centre = Vector3d::Zero();
-    for (const Vector3d& p : points) centre += p / static_cast<double>(points.size());
-    double radius_mm = 0.0;
-    for (const Vector3d& p : points) radius_mm = std::max(radius_mm, (p - centre).norm());
-    margin_mm += starts->translation_mm +
-                 radius_mm * std::min(options.ct_most_turn_rad, starts->rotation_rad);
-  }
-  for (Vector3d& p : points) p = T_us_ct_initial.inverse() * p;
-  return {ct, region_around(ct.grid, points, margin_mm)};
-}
-
-CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
-                    const Eigen::Isometry3d& T_us_ct, double margin_mm) {
-  std::vector<Vector3d> points = prepared.field.us_mm();
-  for (Vector3d& p : points) p = T_us_ct.inverse() * p;
-  return {ct, region_around(ct.grid, points, margin_mm)};
-}
 
 Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {
   const auto& [recorded, ct, T_us_ct_initial, options] = input;
@@ -235,38 +182,14 @@ Outcome<ImagePyramid> prepare(const RegistrationInput& input, Run& run) {
     return prepare_ultrasound(moving ? *moving : recorded, options, run.check());
   });
   const BeamGrid& beams = moving ? moving->beams : recorded.beams;
-  if (const std::size_t count = prepared.field.us_mm().size(); count < kLeastPoints)
-    return Refusal{RegistrationStatus::kFailed, words_for_few_samples(count)};
-  if (lie_on_a_line(prepared.field.us_mm()))
-    return Refusal{RegistrationStatus::kFailed,
-                   "what counts in the ultrasound lies on one line: no rotation about it shows"};
-  if (EvidencePlan(options.confidence).gathers() && std::min(beams.frames, beams.lines) < 2)
-    return Refusal{RegistrationStatus::kFailed,
-                   std::string("the ultrasound has one ") + (beams.frames < 2 ? "frame" : "line") +
-                       " in another place than the others, must have two at least: its halves "
-                       "must agree about a pose for it to be believed"};
-  run.report(0.1);
-
+  if (std::optional<Refusal> refusal = unusable(prepared.field, beams, options)) return *refusal;
+  run.report(0.5);
   return run.timed("ct", [&]() -> Outcome<ImagePyramid> {
     ImagePyramid pyramid{
         std::move(prepared), ct_in_reach(ct.ct(), beams, T_us_ct_initial, options.search), {}};
     if (const Eigen::Vector3i& size = pyramid.in_reach.region.size; size.minCoeff() < kLeastVoxels)
       return Refusal{RegistrationStatus::kNoOverlap, words_for_little_ct(size)};
-    const std::vector<LevelOptions>& levels = options.search.levels;
-    const std::vector<std::shared_ptr<const PackedCt>> cts = packed_cts(
-        ct, pyramid.in_reach.region, steps_of(levels, ct.ct().grid), options, run.check());
-    for (std::size_t i = 0; i < levels.size(); ++i) {
-      run.check_cancelled();
-      std::shared_ptr<SimilarityImages> of_level =
-          images_of(levels[i], pyramid.prepared, pyramid.in_reach, cts[i], options);
-      const SimilarityOptions similarity = similarity_of(levels[i], of_level->ultrasound());
-      Outcome<Level> level = level_on(std::move(of_level), similarity);
-      if (!level) return level.refusal();
-      if (levels[i].screened)
-        level->screening =
-            make_similarity(*level->images, on_samples(similarity, SampleSubset::kQuarter));
-      pyramid.levels.push_back(std::move(*level));
-    }
+    if (std::optional<Refusal> refusal = add_levels(ct, options, pyramid, run)) return *refusal;
     return pyramid;
   });
 }

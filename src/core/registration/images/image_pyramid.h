@@ -1,45 +1,19 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <memory>
 #include <vector>
 
-#include "registration/images/field_points.h"
+#include "registration/images/ct_in_reach.h"
+#include "registration/images/prepared_ultrasound.h"
 #include "registration/input.h"
 #include "registration/outcome.h"
 #include "registration/run.h"
 #include "us_ct_registration/registration/prepared_ct.h"
 #include "us_ct_registration/similarity/similarity_images.h"
-#include "us_ct_registration/volume/operations.h"
 
 /// Both images as the search uses them: the ultrasound conditioned, the CT cropped to the part that
 /// the search can reach, and both averaged level by level.
 namespace usct::registration {
-
-/// The ultrasound for all levels: conditioned, and `known` at the samples that count.
-struct PreparedUltrasound {
-  std::shared_ptr<const BeamUltrasound> us;
-  /// An even selection of the positions of samples that count.
-  FieldPoints field;
-};
-
-/// Conditions the ultrasound. Here and below `check` may throw to cancel.
-PreparedUltrasound prepare_ultrasound(const BeamUltrasound& ultrasound,
-                                      const RegistrationOptions& options, const Check& check = {});
-
-/// A part of a CT; of size 0 if nothing is in reach. The CT must outlive it.
-struct CtInReach {
-  const CtVolume& ct;
-  Region region;
-};
-
-/// The part that the search can reach from the initial pose: see SearchOptions::ct_margin_mm.
-CtInReach ct_in_reach(const CtVolume& ct, const BeamGrid& beams,
-                      const Eigen::Isometry3d& T_us_ct_initial, const SearchOptions& options);
-
-/// The part that the ultrasound reaches from a pose if its points move by `margin_mm` at most.
-CtInReach ct_around(const CtVolume& ct, const PreparedUltrasound& prepared,
-                    const Eigen::Isometry3d& T_us_ct, double margin_mm);
 
 /// A similarity on images of one resolution.
 struct Level {
