@@ -7,22 +7,32 @@
 #include "registration/evidence/acquisition_check.h"
 #include "registration/evidence_plan.h"
 #include "registration/sweep_correction.h"
-#include "similarity/sweep_motion.h"
-#include "ultrasound/probe_path.h"
 #include "ultrasound/resting_frames.h"
 #include "ultrasound/stray_frames.h"
+#include "ultrasound/sweep_motion.h"
 
 namespace usct::registration {
 namespace {
+
+/// How far a registration has come when its images are prepared, and when a pose in doubt is left
+/// to the preset `patient`.
+constexpr double kPrepared = 0.2;
+constexpr double kLeft = 0.6;
+
+Outcome<ImagePyramid> prepared(const RegistrationInput& input, Run& run) {
+  const Run::Part part(run, 0.0, kPrepared);
+  return prepare(input, run);
+}
 
 /// The registration by the search of these options, or nothing where they leave it to the preset
 /// `patient`.
 Outcome<std::optional<Registration>> by_own_search(const RegistrationInput& input, const Lead* lead,
                                                    Run& run) {
   run.report(0.0);
-  const Outcome<ImagePyramid> images = prepare(input, run);
+  const Outcome<ImagePyramid> images = prepared(input, run);
   if (!images) return images.refusal();
-  run.report(0.2);
+  const Run::Part part(run, kPrepared, 1.0);
+  run.report(0.0);
   const Attempt attempt = attempt_on(*images, input, run);
   const EvidencePlan plan(input.options.confidence);
   const bool has_own_evidence = !plan.is_judged_as_patient();
@@ -40,10 +50,9 @@ Outcome<Registration> registered(const RegistrationInput& input, const Lead* lea
   Outcome<std::optional<Registration>> found = by_own_search(input, lead, run);
   if (!found) return found.refusal();
   if (*found) return **found;
-  constexpr double kCompared = 0.6;  // as far as a pose in doubt has come
-  run.begin_part(kCompared, 1.0);
+  const Run::Part part(run, kLeft, 1.0);
   const RegistrationOptions patient = as_patient(input.options);  // they leave nothing to others
-  found = by_own_search({input.ultrasound, input.ct, input.T_us_ct_initial, patient}, nullptr, run);
+  found = by_own_search(input.by(patient), nullptr, run);
   if (!found) return found.refusal();
   (*found)->by_patient = true;
   return **found;
@@ -58,7 +67,7 @@ Outcome<Registration> registered_without(const AcquisitionErrors& errors,
   const BeamUltrasound& recorded = moving ? *moving : input.ultrasound;
   const BeamUltrasound corrected{with_sweep(recorded.beams, errors), recorded.brightness,
                                  recorded.known};
-  return registered({corrected, input.ct, input.T_us_ct_initial, input.options}, lead, run);
+  return registered(input.on(corrected), lead, run);
 }
 
 /// Says that these errors were taken out of the ultrasound.
@@ -90,8 +99,8 @@ Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, 
   // A pose that is right but for the sweep is found in the first round of its registration.
   RegistrationOptions in_one_round = input.options;
   in_one_round.search.rounds = 1;
-  const Outcome<Registration> again = registered_without(
-      errors, {input.ultrasound, input.ct, input.T_us_ct_initial, in_one_round}, nullptr, run);
+  const Outcome<Registration> again =
+      registered_without(errors, input.by(in_one_round), nullptr, run);
   if (correction_holds(*found, again)) return corrected_by(errors, *again);
   return *found;
 }
@@ -99,19 +108,11 @@ Outcome<Registration> registered_on_shown_sweep(const RegistrationInput& input, 
 /// The registration of the frames whose poses can be right.
 Outcome<Registration> registered_on_path(const RegistrationInput& input, const Lead* lead,
                                          Run& run) {
-  input.ultrasound.validate();
-  input.ultrasound.beams.validate();
-  const std::vector<int> stray = stray_frames(input.ultrasound.beams);
-  if (stray.empty()) {
-    require_no_jump(input.ultrasound.beams, "ultrasound");
-    return registered_on_shown_sweep(input, lead, run);
-  }
-  const BeamUltrasound on_path = without_frames(input.ultrasound, stray);
-  require_no_jump(on_path.beams, "ultrasound", stray);
-  Outcome<Registration> found = registered_on_shown_sweep(
-      {on_path, input.ct, input.T_us_ct_initial, input.options}, lead, run);
+  const FramesOnPath frames = frames_on_path(input.ultrasound);
+  if (!frames.others) return registered_on_shown_sweep(input, lead, run);
+  Outcome<Registration> found = registered_on_shown_sweep(input.on(*frames.others), lead, run);
   if (!found) return found.refusal();
-  tell_stray_frames(stray, input.ultrasound.beams.frames, found->result);
+  tell_stray_frames(frames.stray, input.ultrasound.beams.frames, found->result);
   return found;
 }
 
@@ -123,8 +124,7 @@ Registration run_pipeline(const RegistrationInput& input, const RegistrationHook
   Registration ended;
   try {
     Outcome<Registration> outcome = registered_on_path(input, lead, run);
-    run.begin_part(0.0, 1.0);
-    if (outcome) run.report(1.0);
+    if (outcome) run.report_end();
     ended = outcome ? std::move(*outcome) : Registration{result_of(outcome.refusal()), {}};
   } catch (const Cancelled&) {
     ended = {result_of(Refusal{RegistrationStatus::kCancelled, "cancelled by the caller"}), {}};

@@ -32,18 +32,33 @@ class Run {
     return [this] { check_cancelled(); };
   }
 
-  /// Work that follows takes the progress from one fraction of the registration to another.
-  void begin_part(double first, double last) {
-    first_ = first;
-    last_ = last;
-  }
-  /// Reports the fraction of the present part, unless the progress is further already.
+  /// While it lives, work takes the progress from one fraction of the part around it to another,
+  /// and reports fractions of its own.
+  class Part {
+   public:
+    Part(Run& run, double first, double last)
+        : run_(run), first_(run.first_), length_(run.length_) {
+      run.first_ += first * length_;
+      run.length_ *= last - first;
+    }
+    ~Part() {
+      run_.first_ = first_;
+      run_.length_ = length_;
+    }
+    Part(const Part&) = delete;
+    Part& operator=(const Part&) = delete;
+
+   private:
+    Run& run_;
+    const double first_, length_;
+  };
+  /// Reports a fraction of the present part, unless the progress is further already.
   void report(double fraction) {
-    const double now = first_ + fraction * (last_ - first_);
-    if (hooks_.progress && now > reported_) hooks_.progress(now);
-    reported_ = std::max(reported_, now);
+    report_whole(first_ + fraction * length_);
     check_cancelled();
   }
+  /// Reports the end of the registration, which nobody can cancel any more.
+  void report_end() { report_whole(1.0); }
 
   void count_evaluations(std::size_t count) { evaluations_ += static_cast<int>(count); }
   int evaluations() const { return evaluations_; }
@@ -59,6 +74,11 @@ class Run {
   const std::map<std::string, double>& seconds() const { return seconds_; }
 
  private:
+  void report_whole(double fraction) {
+    if (hooks_.progress && fraction > reported_) hooks_.progress(fraction);
+    reported_ = std::max(reported_, fraction);
+  }
+
   class Timer {
    public:
     Timer(double& seconds, Timer*& innermost)
@@ -83,8 +103,8 @@ class Run {
   };
 
   const RegistrationHooks& hooks_;
-  double first_ = 0.0;
-  double last_ = 1.0;
+  double first_ = 0.0;  // of the present part, as fractions of the registration
+  double length_ = 1.0;
   double reported_ = -1.0;
   mutable std::mutex asking_;
   std::atomic<int> evaluations_{0};

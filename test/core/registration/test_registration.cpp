@@ -221,6 +221,18 @@ TEST(Registration, ProgressRisesFromZeroToOne) { expect_rising_progress(1.0); }
 
 TEST(Registration, ProgressRisesWhereThePresetPatientGoesOn) { expect_rising_progress(0.1); }
 
+/// Whoever is told that a registration has ended gets its result.
+TEST(Registration, CannotBeCancelledOnceItHasEnded) {
+  bool has_ended = false;
+  RegistrationHooks hooks;
+  hooks.progress = [&](double fraction) { has_ended = fraction == 1.0; };
+  hooks.cancelled = [&] { return has_ended; };
+  const RegistrationResult result =
+      registered(agar_case(), nearby(agar_case()), quick_options(), hooks);
+  EXPECT_TRUE(has_ended);
+  EXPECT_EQ(result.status, RegistrationStatus::kRegistered);
+}
+
 TEST(Registration, AsksForCancellationFromOneThreadAtATime) {
   const ThreadCount threads(3);
   std::atomic<int> inside{0};

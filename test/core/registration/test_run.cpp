@@ -3,6 +3,7 @@
 #include <chrono>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "registration/run.h"
 
@@ -55,6 +56,45 @@ TEST(TimesOfSteps, AStepThatThrowsIsCountedAndEnds) {
   EXPECT_GE(run.seconds().at("inner"), 0.02);
   EXPECT_GE(run.seconds().at("next"), 0.02);
   EXPECT_LE(sum_of(run.seconds()), whole.count());
+}
+
+/// A step reports fractions of its own, wherever the step stands in the registration.
+TEST(Progress, OfAPartIsAFractionOfTheWhole) {
+  std::vector<double> reported;
+  RegistrationHooks hooks;
+  hooks.progress = [&](double fraction) { reported.push_back(fraction); };
+  registration::Run run(hooks);
+  run.report(0.1);
+  {
+    const registration::Run::Part half(run, 0.5, 1.0);
+    run.report(0.0);
+    {
+      const registration::Run::Part quarter(run, 0.0, 0.5);
+      run.report(0.5);
+      run.report(1.0);
+    }
+    run.report(0.4);  // less than it was
+    run.report(0.75);
+  }
+  run.report(0.9);
+  ASSERT_EQ(reported.size(), 6U);
+  const double expected[] = {0.1, 0.5, 0.625, 0.75, 0.875, 0.9};
+  for (std::size_t i = 0; i < reported.size(); ++i) EXPECT_NEAR(reported[i], expected[i], 1e-12);
+}
+
+TEST(Progress, AStepThatThrowsEndsItsPart) {
+  double last = 0.0;
+  RegistrationHooks hooks;
+  hooks.progress = [&](double fraction) { last = fraction; };
+  registration::Run run(hooks);
+  EXPECT_THROW(
+      {
+        const registration::Run::Part part(run, 0.0, 0.5);
+        throw std::runtime_error("refused");
+      },
+      std::runtime_error);
+  run.report(0.8);
+  EXPECT_NEAR(last, 0.8, 1e-12);
 }
 
 }  // namespace

@@ -15,12 +15,19 @@ bool PoseJudge::blocks_agree(const Candidate& refined) {
                             [&] { return evidence_.blocks_agree(refined, attempt_.run); });
 }
 
-Assessment PoseJudge::compared(const std::vector<Candidate>& optima) {
+Assessment PoseJudge::compared(const std::vector<Candidate>& optima,
+                               const std::optional<int>& decoy_rounds) {
+  Run& run = attempt_.run;
   Assessment assessment;
   assessment.measures.displacement_mm =
       attempt_.problem.field.distance_mm(optima.front().T_us_ct, attempt_.problem.T_us_ct_initial);
   if (plan_.gathers())
-    attempt_.run.timed("confidence", [&] { evidence_.compare(optima, assessment, attempt_.run); });
+    run.timed("confidence", [&] {
+      if (decoy_rounds)
+        evidence_.compare_further(optima, *decoy_rounds, assessment, run);
+      else
+        evidence_.compare(optima, assessment, run);
+    });
   return assessment;
 }
 
@@ -60,8 +67,7 @@ Judged PoseJudge::judged_where_it_led(std::vector<Candidate> optima, const Asses
 
 Judged PoseJudge::judged_beside_more(std::vector<Candidate> optima, const Candidate& refined,
                                      int rounds) {
-  evidence_.search_decoys_further(rounds);
-  Assessment beside_more = compared(optima);
+  Assessment beside_more = compared(optima, rounds);
   return judged(std::move(optima), std::move(beside_more), refined);
 }
 

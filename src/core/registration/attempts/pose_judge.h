@@ -24,8 +24,10 @@ class PoseJudge {
   /// Whether blocks of the field agree about a pose so surely that it is worth the search for
   /// mirror images.
   bool blocks_agree(const Candidate& refined);
-  /// Compares the first of the optima of the search with mirrored ultrasound and with its rivals.
-  Assessment compared(const std::vector<Candidate>& optima);
+  /// Compares the first of the optima of the search with mirrored ultrasound and with its rivals;
+  /// with `decoy_rounds`, as Evidence::compare_further.
+  Assessment compared(const std::vector<Candidate>& optima,
+                      const std::optional<int>& decoy_rounds = std::nullopt);
   /// Whether a pose that was compared is worth its refinement. It is not if it would be refused
   /// even if all parts of the field agreed about it, and another round could find a better one; or
   /// would even then be in doubt, and the registration would go on as `patient`.

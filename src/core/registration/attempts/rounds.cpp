@@ -76,7 +76,7 @@ Outcome<Registration> in_rounds(const Attempt& attempt) {
     }
     optima = searched(attempt, round, std::move(optima));
     if (optima.empty()) return nothing_in_reach();
-    attempt.run.report(0.2 + 0.8 * (round + 0.5) / rounds);
+    attempt.run.report((round + 0.5) / rounds);
     const bool is_last = round + 1 == rounds;
     const Eigen::Isometry3d T_best = optima.front().T_us_ct;
     const bool was_refused = contains(refused, T_best);
@@ -89,7 +89,7 @@ Outcome<Registration> in_rounds(const Attempt& attempt) {
     if (!was_refused) *best = judge.follow_wished_motion(*std::move(best), round + 1);
     optima = best->optima;
     refused.insert(refused.end(), {T_best, optima.front().T_us_ct});
-    attempt.run.report(0.2 + 0.8 * (round + 1) / rounds);
+    attempt.run.report((round + 1.0) / rounds);
     if (!best->failure) return ended(attempt, judge, *best);
     if (is_last || !may_be_missed(best->assessment.measures)) {
       // The climbs have missed a nearly symmetric kidney that they found in mirrored ultrasound.
@@ -105,7 +105,7 @@ std::optional<Registration> at_once(const Attempt& attempt) {
   const std::vector<Candidate> optima = searched(attempt, 0, {});
   if (optima.empty()) return std::nullopt;
   const Assessment compared = judge.compared(optima);
-  attempt.run.report(0.6);
+  attempt.run.report(0.5);
   if (!judge.parts_could_save(compared)) return std::nullopt;
   const Outcome<Judged> best = judge.refined_and_judged(optima, compared, 1);
   if (!best || !judge.is_believed(*best)) return std::nullopt;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "order_statistics.h"
 #include "registration/evidence/acquisition_check.h"
@@ -14,11 +13,13 @@
 #include "registration/evidence/paired_advantage.h"
 #include "registration/evidence_plan.h"
 #include "us_ct_registration/geometry/target_errors.h"
+#include "us_ct_registration/registration/right_probability.h"
 #include "us_ct_registration/similarity/catalogue.h"
 
 namespace usct::registration {
 namespace {
 
+using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 /// The factor by which a pose has more similarity than another. It is limited, since the other may
@@ -47,11 +48,9 @@ LocalAgreementOptions agreement_options(const EvidenceInput& in, const FieldPoin
 }
 
 /// The median distance by which halves of the field move a pose.
-double motion_mm(const HalfPoses& halves, const Eigen::Isometry3d& T_us_ct,
-                 const FieldPoints& field) {
+double motion_mm(const HalfPoses& halves, const Isometry3d& T_us_ct, const FieldPoints& field) {
   std::vector<double> distances;
-  for (const Eigen::Isometry3d& pose : halves.all())
-    distances.push_back(field.distance_mm(pose, T_us_ct));
+  for (const Isometry3d& pose : halves.all()) distances.push_back(field.distance_mm(pose, T_us_ct));
   return median(distances);
 }
 
@@ -69,7 +68,7 @@ class PatchComparison {
   }
   bool is_possible() const { return clusters_.count() > 0; }
   /// Student's t of the best pose against a pose of the mirrored ultrasound.
-  double advantage_over(const Candidate& other, const Eigen::Isometry3d& T_mirror) const {
+  double advantage_over(const Candidate& other, const Isometry3d& T_mirror) const {
     const MirroredSimilarity mirrored(*similarity_, T_mirror);
     return paired_advantage(best_, mirrored.parts(other.pose()), clusters_);
   }
@@ -81,9 +80,20 @@ class PatchComparison {
 };
 
 void Evidence::compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run) {
+  if (!decoys_) return compare_further(optima, decoy_rounds_, assessment, run);
   const PatchComparison patches(in_.images, in_.options, optima.front());
-  compare_with_decoys(optima.front(), patches, assessment, run);
+  compare_with_decoys(optima.front(), patches, assessment);
   compare_with_rivals(optima, patches, assessment.measures);
+}
+
+void Evidence::compare_further(const std::vector<Candidate>& optima, int rounds,
+                               Assessment& assessment, Run& run) {
+  decoy_rounds_ = rounds;
+  const Isometry3d& T_us_ct = optima.front().T_us_ct;
+  decoys_ = decoys_
+                ? searched_further(*std::move(decoys_), in_.problem, T_us_ct, rounds, run)
+                : search_decoys(in_.problem, T_us_ct, in_.images.prepared.us->beams, rounds, run);
+  compare(optima, assessment, run);
 }
 
 void Evidence::check(const Candidate& refined, Assessment& assessment, Run& run) {
@@ -121,13 +131,7 @@ void Evidence::settle(const Candidate& best, Assessment& assessment, Run& run) {
 }
 
 void Evidence::compare_with_decoys(const Candidate& best, const PatchComparison& patches,
-                                   Assessment& result, Run& run) {
-  if (!decoys_)
-    decoys_ =
-        search_decoys(in_.problem, best.T_us_ct, in_.images.prepared.us->beams, decoy_rounds_, run);
-  else if (must_go_on_)
-    decoys_ = searched_further(*std::move(decoys_), in_.problem, best.T_us_ct, decoy_rounds_, run);
-  must_go_on_ = false;
+                                   Assessment& result) const {
   if (decoys_->empty()) return;
   std::vector<double> values;
   for (const Decoy& decoy : *decoys_) values.push_back(decoy.best.value);
@@ -150,12 +154,10 @@ void Evidence::compare_with_rivals(const std::vector<Candidate>& optima,
       rivals.empty() ? measures.chance_ratio : times(optima.front(), rivals.front().value);
   measures.rival_advantage = measures.chance_advantage;
   if (rivals.empty() || !patches.is_possible()) return;
-  double least = std::numeric_limits<double>::infinity();
-  for (const Candidate& rival : rivals) {
-    const double advantage = patches.advantage_over(rival, Eigen::Isometry3d::Identity());
-    if (!(advantage >= least)) least = advantage;  // also where it is not a number
-  }
-  measures.rival_advantage = least;
+  std::vector<double> advantages;
+  for (const Candidate& rival : rivals)
+    advantages.push_back(patches.advantage_over(rival, Isometry3d::Identity()));
+  measures.rival_advantage = *std::min_element(advantages.begin(), advantages.end());
 }
 
 Candidate Evidence::estimate_errors(const Candidate& refined, Measures& measures, Run& run) const {
@@ -211,12 +213,12 @@ std::vector<HalfPoses> Evidence::compare_parts(const Candidate& refined, Measure
 void Evidence::expect_error(const std::vector<HalfPoses>& halves, Assessment& result) const {
   Measures& measures = result.measures;
   const ErrorOptions& error = in_.options.error;
-  AcquisitionErrors shown;
+  AcquisitionErrors estimated;
   // The estimate of the depths is biased, so that it must show clearly; that of the sweep is not.
-  shown.depth = shown_errors(measures).errors.depth;
-  shown.sweep = measures.sweep_error.value_or(0.0);
+  estimated.depth = shown_errors(measures).errors.depth;
+  estimated.sweep = measures.sweep_error.value_or(0.0);
   const BeamGrid recorded = frames_that_count(in_.ultrasound.beams, *in_.images.prepared.us);
-  result.covariance = pose_covariance(halves, recorded, field().centre_us_mm(), error, shown) +
+  result.covariance = pose_covariance(halves, recorded, field().centre_us_mm(), error, estimated) +
                       shift_covariance(measures.deformation_mm.value_or(0.0));
   const double expected_mm =
       expected_tre_mm(*result.covariance, middle_of(field(), error.target_radius_mm)).rms_mm;
@@ -240,6 +242,7 @@ void Evidence::compare_agreement(Measures& measures, Run& run) {
 
 void Evidence::compare_with_mirrored_ct(const Candidate& best, Assessment& assessment, Run& run) {
   const PatchComparison patches(in_.images, in_.options, best);
+  if (!patches.is_possible()) return;
   mirrored_ct_ = mirrored_ct_ ? searched_further(*std::move(mirrored_ct_), in_.problem,
                                                  best.T_us_ct, decoy_rounds_, run)
                               : search_mirrored_ct(in_.problem, best.T_us_ct, in_.ct.grid.direction,

@@ -46,18 +46,15 @@ class Evidence {
     decoys_ = std::move(decoys);
     ct_is_known_ = true;
   }
-  /// Lets the next comparison search for the decoys in so many rounds, and near its pose: a pose
-  /// that a later round found had more starts, and so must the decoys that it is compared with.
-  void search_decoys_further(int rounds) {
-    must_go_on_ = true;
-    decoy_rounds_ = rounds;
-  }
-
   /// Whether what blocks of the field gain by a pose is sure enough for it to be believed.
   bool blocks_agree(const Candidate& pose, Run& run) const;
   /// Compares the best of the optima of the search, best first, with mirrored ultrasound and with
-  /// its rivals.
+  /// its rivals. The decoys of the first pose are compared with all.
   void compare(const std::vector<Candidate>& optima, Assessment& assessment, Run& run);
+  /// The same with decoys that are searched for in so many rounds, and near the pose: one that a
+  /// later round found had more starts, and so must the decoys that it is compared with.
+  void compare_further(const std::vector<Candidate>& optima, int rounds, Assessment& assessment,
+                       Run& run);
   /// Completes what `compare` made of the optima by measures from the field of view alone at the
   /// pose after its refinement, and takes the probability that the pose is wrong.
   void check(const Candidate& refined, Assessment& assessment, Run& run);
@@ -70,7 +67,7 @@ class Evidence {
   const FieldPoints& field() const { return in_.images.prepared.field; }
 
   void compare_with_decoys(const Candidate& best, const PatchComparison& patches,
-                           Assessment& result, Run& run);
+                           Assessment& result) const;
   void compare_with_rivals(const std::vector<Candidate>& optima, const PatchComparison& patches,
                            Measures& measures) const;
   void compare_clusters(const Candidate& pose, Assessment& assessment, Run& run);
@@ -93,7 +90,6 @@ class Evidence {
   std::optional<std::vector<Decoy>> decoys_;
   std::optional<std::vector<Decoy>> mirrored_ct_;
   std::optional<SimilarityImages> along_beams_;
-  bool must_go_on_ = false;
   int decoy_rounds_ = 1;
   bool ct_is_known_ = false;
 };
