@@ -56,9 +56,9 @@ struct RunStatistics {
   double success_rate = std::numeric_limits<double>::quiet_NaN();
   Interval success_interval;
   /// Errors of the accepted runs, and the interval of their mean; and errors of the succeeded runs.
-  Spread accepted_mm;
+  Summary accepted_mm;
   Interval mean_interval_mm;
-  Spread succeeded_mm;
+  Summary succeeded_mm;
 };
 RunStatistics statistics_of(const std::vector<const StudyRun*>& runs, double success_mm);
 

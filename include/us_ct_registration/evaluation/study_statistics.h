@@ -15,7 +15,7 @@ namespace usct {
 constexpr double kSuccessMm = 5.0;
 
 /// Statistics of several numbers; NaN if there are too few.
-struct Spread {
+struct Summary {
   std::size_t count = 0;
   double mean = 0.0;
   double median = 0.0;
@@ -24,7 +24,7 @@ struct Spread {
   double percentile_95 = 0.0;
   double max = 0.0;
 };
-Spread spread_of(std::vector<double> values);
+Summary summary_of(std::vector<double> values);
 
 /// The value below which `share` (in [0, 1]) of the rising, non-empty values lie, interpolated
 /// linearly between the two next ones (type 7 of Hyndman and Fan 1996, the default of R and numpy).
@@ -47,13 +47,13 @@ struct GroupStatistics {
   std::string name;
   std::size_t runs = 0;
   std::size_t refused = 0;
-  Spread succeeded;  // errors
-  Spread accepted;
-  Spread accepted_physical;
+  Summary succeeded;  // errors
+  Summary accepted;
+  Summary accepted_physical;
   /// Share of all runs, refused ones too, that were accepted with an error below 2, 3 and 5 mm.
   static constexpr std::array<double, 3> kBelowMm{2.0, 3.0, kSuccessMm};
   std::array<double, 3> share_below{};
-  Spread seconds;
+  Summary seconds;
   std::vector<DisplacementBin> bins;
 
   double success_rate() const { return share_below.back(); }

@@ -8,7 +8,7 @@
 
 #include "baselines/motion.h"
 #include "baselines/nearest_points.h"
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
@@ -190,7 +190,7 @@ void require_surface(const Points& points_mm, const std::string& source) {
   if (points_mm.size() < kLeastSurfacePoints)
     throw InputError(source, std::to_string(points_mm.size()) + " points, must be at least " +
                                  std::to_string(kLeastSurfacePoints));
-  registration::spread_of(points_mm, 0.05, source);
+  require_spread(points_mm, 0.05, source);
 }
 
 }  // namespace

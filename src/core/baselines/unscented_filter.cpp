@@ -8,7 +8,7 @@
 
 #include "baselines/motion.h"
 #include "baselines/nearest_points.h"
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "require.h"
 #include "us_ct_registration/error.h"
 
@@ -97,8 +97,9 @@ using Partners = std::function<Points(const Isometry3d& T_us_ct)>;
 UnscentedFilterResult run_filter(const Points& us_mm, const Points& ct_mm, const Isometry3d& start,
                                  const UnscentedFilterOptions& options, const Partners& partners) {
   options.validate();
-  registration::spread_of(us_mm, 0.05, "ultrasound points");
-  const Vector3d centre = registration::spread_of(ct_mm, 0.05, "CT points").centroid_mm;
+  require_spread(us_mm, 0.05, "ultrasound points");
+  require_spread(ct_mm, 0.05, "CT points");
+  const Vector3d centre = point_spread(ct_mm).centroid_mm;
   const std::vector<std::size_t> order = scattered_order(us_mm.size());
   PoseFilter filter(start, centre, options);
   UnscentedFilterResult result;

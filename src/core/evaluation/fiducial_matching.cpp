@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/registration/landmarks.h"
@@ -113,8 +113,8 @@ FiducialMatching match_fiducials(const Points& fiducials_us_mm, const Points& fi
   if (fewer.size() > kMostFewer || more.size() > kMostMore)
     throw InputError(source, formatted("%zu and %zu points, must be at most %zu and %zu",
                                        fewer.size(), more.size(), kMostFewer, kMostMore));
-  registration::spread_of(fewer, 0.05, source);
-  registration::spread_of(more, 0.0, source);
+  require_spread(fewer, 0.05, source);
+  require_spread(more, 0.0, source);
   FiducialMatching matching;
   MatchSearch search(fewer, more, fle_mm);
   const std::vector<MatchSearch::Found> all = search.search();

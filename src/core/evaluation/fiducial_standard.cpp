@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "geometry/point_spread.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/registration/landmarks.h"
 
@@ -38,18 +39,13 @@ FiducialStandard fiducial_standard(const Points& fiducials_us_mm, const Points& 
   standard.T_us_ct = alignment.T_target_source;
   standard.fre_mm = alignment.residual_mm;
   standard.fle_mm = standard.fre_mm / std::sqrt(1.0 - 2.0 / count);
-  for (std::size_t i = 0; i < fiducials_us_mm.size(); ++i) {
+  for (std::size_t i = 0; i < fiducials_us_mm.size(); ++i)
     standard.fiducials.push_back(
         {(fiducials_us_mm[i] - standard.T_us_ct * fiducials_ct_mm[i]).norm(),
          left_out_mm(fiducials_us_mm, fiducials_ct_mm, i)});
-    standard.centroid_us_mm += fiducials_us_mm[i] / count;
-  }
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const Vector3d& p : fiducials_us_mm) {
-    const Vector3d offset = p - standard.centroid_us_mm;
-    covariance += offset * offset.transpose() / count;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  const PointSpread spread = point_spread(fiducials_us_mm);
+  standard.centroid_us_mm = spread.centroid_mm;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread.covariance_mm2);
   standard.axes_us = solver.eigenvectors();
   // The mean square distance from an axis is the sum of the variances along the other two.
   const Vector3d variances = solver.eigenvalues().cwiseMax(0.0);

@@ -83,16 +83,16 @@ Interval bootstrap_over_subjects(const std::vector<SubjectValues>& subjects, std
 PairedTest paired_test(const std::vector<double>& differences) {
   PairedTest test;
   test.subjects = differences.size();
-  const Spread spread = spread_of(differences);
-  test.mean = spread.mean;
+  const Summary summary = summary_of(differences);
+  test.mean = summary.mean;
   std::vector<SubjectValues> subjects;
   for (const double difference : differences) subjects.push_back({difference, 1});
   test.bootstrap = bootstrap_over_subjects(subjects);
   // Equal differences leave a deviation of rounding errors.
   constexpr double kRounding = 1e-12;
-  if (!(spread.deviation > kRounding * std::abs(spread.mean))) return test;
+  if (!(summary.deviation > kRounding * std::abs(summary.mean))) return test;
   const auto count = static_cast<double>(test.subjects);
-  test.t = spread.mean / (spread.deviation / std::sqrt(count));
+  test.t = summary.mean / (summary.deviation / std::sqrt(count));
   const boost::math::students_t_distribution<> students_t(count - 1.0);
   test.p = 2.0 * boost::math::cdf(boost::math::complement(students_t, std::abs(test.t)));
   return test;
@@ -128,9 +128,9 @@ RunStatistics statistics_of(const std::vector<const StudyRun*>& runs, double suc
     statistics.success_rate =
         static_cast<double>(statistics.succeeded) / static_cast<double>(runs.size());
   statistics.success_interval = bootstrap_over_subjects(values_of(successes));
-  statistics.accepted_mm = spread_of(accepted_mm);
+  statistics.accepted_mm = summary_of(accepted_mm);
   statistics.mean_interval_mm = bootstrap_over_subjects(values_of(errors));
-  statistics.succeeded_mm = spread_of(succeeded_mm);
+  statistics.succeeded_mm = summary_of(succeeded_mm);
   return statistics;
 }
 

@@ -46,7 +46,7 @@ const std::vector<std::string> kStatisticsHeader{"cases",
 void add_statistics(std::vector<std::string> cells, const RunPointers& runs, double success_mm,
                     Table& table) {
   const RunStatistics statistics = statistics_of(runs, success_mm);
-  const Spread& mm = statistics.accepted_mm;
+  const Summary& mm = statistics.accepted_mm;
   for (const std::string& cell :
        {std::to_string(statistics.cases), std::to_string(statistics.subjects),
         std::to_string(statistics.runs), std::to_string(statistics.refused),
@@ -221,9 +221,9 @@ Table costs_table(const Study& study, const std::vector<StudyRun>& runs) {
       evaluations.push_back(run.result.evaluations);
       if (run.peak_memory_mib) memory_mib.push_back(*run.peak_memory_mib);
     }
-    const Spread s = spread_of(seconds);
-    const Spread e = spread_of(evaluations);
-    const Spread m = spread_of(memory_mib);
+    const Summary s = summary_of(seconds);
+    const Summary e = summary_of(evaluations);
+    const Summary m = summary_of(memory_mib);
     table.rows.push_back({method.name, std::to_string(s.count), number_cell(s.mean),
                           number_cell(s.median), number_cell(s.percentile_95), number_cell(s.max),
                           number_cell(e.mean, 0), number_cell(e.median, 0),

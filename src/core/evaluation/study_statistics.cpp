@@ -74,10 +74,10 @@ GroupStatistics statistics_of(const std::string& name, const std::vector<const S
     group.share_below[i] = share(static_cast<std::size_t>(below), group.runs);
   }
   group.refused = group.runs - accepted_mm.size();
-  group.accepted = spread_of(accepted_mm);
-  group.accepted_physical = spread_of(physical_mm);
-  group.succeeded = spread_of(succeeded_mm);
-  group.seconds = spread_of(seconds);
+  group.accepted = summary_of(accepted_mm);
+  group.accepted_physical = summary_of(physical_mm);
+  group.succeeded = summary_of(succeeded_mm);
+  group.seconds = summary_of(seconds);
   return group;
 }
 
@@ -133,19 +133,19 @@ std::optional<std::size_t> bin_of(double displacement_mm, const std::vector<doub
   return bin;
 }
 
-Spread spread_of(std::vector<double> values) {
-  Spread spread{values.size(), kNaN, kNaN, kNaN, kNaN, kNaN};
-  if (values.empty()) return spread;
+Summary summary_of(std::vector<double> values) {
+  Summary summary{values.size(), kNaN, kNaN, kNaN, kNaN, kNaN};
+  if (values.empty()) return summary;
   std::sort(values.begin(), values.end());
-  spread.mean = mean_of(values);
-  spread.median = quantile(values, 0.5);
-  spread.percentile_95 = quantile(values, 0.95);
-  spread.max = values.back();
-  if (values.size() == 1) return spread;
+  summary.mean = mean_of(values);
+  summary.median = quantile(values, 0.5);
+  summary.percentile_95 = quantile(values, 0.95);
+  summary.max = values.back();
+  if (values.size() == 1) return summary;
   double squares = 0.0;
-  for (const double value : values) squares += (value - spread.mean) * (value - spread.mean);
-  spread.deviation = std::sqrt(squares / static_cast<double>(values.size() - 1));
-  return spread;
+  for (const double value : values) squares += (value - summary.mean) * (value - summary.mean);
+  summary.deviation = std::sqrt(squares / static_cast<double>(values.size() - 1));
+  return summary;
 }
 
 double quantile(const std::vector<double>& rising, double share) {

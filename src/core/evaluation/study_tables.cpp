@@ -78,11 +78,11 @@ Table accuracy_table(const std::vector<StudyRun>& runs, const std::vector<double
                   "median time (s)"};
   for (const DisplacementBin& bin : groups.front().bins)
     table.header.push_back("from " + range_name(bin.low_mm, bin.high_mm) + " (%)");
-  const auto spread = [](const Spread& errors) {
+  const auto usual = [](const Summary& errors) {
     return number_cell(errors.mean) + " / " + number_cell(errors.median) + " / " +
            number_cell(errors.deviation);
   };
-  const auto worst = [](const Spread& errors) {
+  const auto worst = [](const Summary& errors) {
     return number_cell(errors.mean) + " / " + number_cell(errors.median) + " / " +
            number_cell(errors.max);
   };
@@ -90,8 +90,8 @@ Table accuracy_table(const std::vector<StudyRun>& runs, const std::vector<double
     std::vector<std::string> cells{group.name,
                                    std::to_string(group.runs),
                                    std::to_string(group.refused),
-                                   spread(group.succeeded),
-                                   spread(group.accepted),
+                                   usual(group.succeeded),
+                                   usual(group.accepted),
                                    worst(group.accepted_physical)};
     for (const double share : group.share_below) cells.push_back(percent_cell(share));
     cells.push_back(number_cell(group.accepted.max));

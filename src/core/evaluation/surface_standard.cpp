@@ -7,7 +7,7 @@
 #include <string>
 
 #include "baselines/nearest_points.h"
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {
@@ -25,24 +25,25 @@ double mean_square_mm2(const Points& from, const Isometry3d& T, const NearestPoi
 }
 
 /// Principal axes as columns of a rotation, the longest last.
-Matrix3d axes_of(const registration::Spread& spread) {
+Matrix3d axes_of(const PointSpread& spread) {
   Matrix3d axes = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread.covariance_mm2).eigenvectors();
   if (axes.determinant() < 0.0) axes.col(0) *= -1.0;
   return axes;
 }
 
-registration::Spread checked_spread(const Points& points_mm, const std::string& source) {
+PointSpread checked_spread(const Points& points_mm, const std::string& source) {
   constexpr std::size_t kLeastPoints = 10;
   constexpr double kLeastRatio = 0.05;
   if (points_mm.size() < kLeastPoints)
     throw InputError(source, std::to_string(points_mm.size()) + " points, must be at least " +
                                  std::to_string(kLeastPoints));
-  return registration::spread_of(points_mm, kLeastRatio, source);
+  require_spread(points_mm, kLeastRatio, source);
+  return point_spread(points_mm);
 }
 
 /// The pose T_us_ct that brings the centroids and these axes together.
-Isometry3d aligned(const registration::Spread& us, const Matrix3d& axes_us,
-                   const registration::Spread& ct, const Matrix3d& axes_ct) {
+Isometry3d aligned(const PointSpread& us, const Matrix3d& axes_us, const PointSpread& ct,
+                   const Matrix3d& axes_ct) {
   Isometry3d T = Isometry3d::Identity();
   T.linear() = axes_us * axes_ct.transpose();
   T.translation() = us.centroid_mm - T.linear() * ct.centroid_mm;
@@ -67,8 +68,8 @@ double SurfaceStandard::roundness_ratio() const {
 
 SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surface_ct_mm,
                                  const std::string& us_name, const std::string& ct_name) {
-  const registration::Spread us = checked_spread(surface_us_mm, us_name);
-  const registration::Spread ct = checked_spread(surface_ct_mm, ct_name);
+  const PointSpread us = checked_spread(surface_us_mm, us_name);
+  const PointSpread ct = checked_spread(surface_ct_mm, ct_name);
   const NearestPoints nearest_us(surface_us_mm);
   const NearestPoints nearest_ct(surface_ct_mm);
   const Matrix3d axes_us = axes_of(us);
@@ -92,8 +93,8 @@ SurfaceStandard surface_standard(const Points& surface_us_mm, const Points& surf
 
 std::vector<Isometry3d> axis_alignments(const Points& surface_us_mm, const Points& surface_ct_mm,
                                         const std::string& us_name, const std::string& ct_name) {
-  const registration::Spread us = checked_spread(surface_us_mm, us_name);
-  const registration::Spread ct = checked_spread(surface_ct_mm, ct_name);
+  const PointSpread us = checked_spread(surface_us_mm, us_name);
+  const PointSpread ct = checked_spread(surface_ct_mm, ct_name);
   const Matrix3d axes_us = axes_of(us);
   const Matrix3d axes_ct = axes_of(ct);
   std::vector<Isometry3d> alignments;

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "us_ct_registration/error.h"
 
 namespace usct {
@@ -26,8 +26,8 @@ LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_tar
     throw InputError(target_name, "has " + std::to_string(points_target_mm.size()) +
                                       " points, must have as many as " + source_name + ", " +
                                       std::to_string(points_source_mm.size()));
-  registration::spread_of(points_target_mm, kLeastTriangleRatio, target_name);
-  registration::spread_of(points_source_mm, kLeastTriangleRatio, source_name);
+  require_spread(points_target_mm, kLeastTriangleRatio, target_name);
+  require_spread(points_source_mm, kLeastTriangleRatio, source_name);
 
   const Eigen::Matrix3Xd target = as_columns(points_target_mm);
   const Eigen::Matrix3Xd source = as_columns(points_source_mm);

@@ -3,7 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "registration/spread.h"
+#include "geometry/point_spread.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
 
@@ -46,8 +46,8 @@ PoseParameters::PoseParameters(const Eigen::Isometry3d& T_us_ct_initial,
     : T_us_ct_initial_(T_us_ct_initial) {
   require_initial(T_us_ct_initial);
   // The points only set scales here, so any that are not on a line will do.
-  const registration::Spread spread = registration::spread_of(
-      points_us_mm, registration::kLeastSpreadRatio, "points of the field of view");
+  require_spread(points_us_mm, kLeastSpreadRatio, "points of the field of view");
+  const PointSpread spread = point_spread(points_us_mm);
   centre_us_mm_ = spread.centroid_mm;
   // The mean of [p]x^T [p]x = |p|^2 I - p p^T.
   const Eigen::Matrix3d& covariance = spread.covariance_mm2;

@@ -11,20 +11,20 @@
 namespace usct::test {
 namespace {
 
-TEST(Spread, IsThatOfAHandComputedExample) {
-  const Spread spread = spread_of({4.0, 1.0, 2.0, 5.0});
-  EXPECT_EQ(spread.count, 4U);
-  EXPECT_DOUBLE_EQ(spread.mean, 3.0);
-  EXPECT_DOUBLE_EQ(spread.median, 3.0);
-  EXPECT_DOUBLE_EQ(spread.deviation, std::sqrt(10.0 / 3.0));
-  EXPECT_DOUBLE_EQ(spread.max, 5.0);
-  EXPECT_DOUBLE_EQ(spread_of({7.0, 1.0, 2.0}).median, 2.0);
+TEST(Summary, IsThatOfAHandComputedExample) {
+  const Summary summary = summary_of({4.0, 1.0, 2.0, 5.0});
+  EXPECT_EQ(summary.count, 4U);
+  EXPECT_DOUBLE_EQ(summary.mean, 3.0);
+  EXPECT_DOUBLE_EQ(summary.median, 3.0);
+  EXPECT_DOUBLE_EQ(summary.deviation, std::sqrt(10.0 / 3.0));
+  EXPECT_DOUBLE_EQ(summary.max, 5.0);
+  EXPECT_DOUBLE_EQ(summary_of({7.0, 1.0, 2.0}).median, 2.0);
 }
 
-TEST(Spread, OfTooFewIsNotANumber) {
-  EXPECT_TRUE(std::isnan(spread_of({}).mean));
-  EXPECT_DOUBLE_EQ(spread_of({3.0}).mean, 3.0);
-  EXPECT_TRUE(std::isnan(spread_of({3.0}).deviation));
+TEST(Summary, OfTooFewIsNotANumber) {
+  EXPECT_TRUE(std::isnan(summary_of({}).mean));
+  EXPECT_DOUBLE_EQ(summary_of({3.0}).mean, 3.0);
+  EXPECT_TRUE(std::isnan(summary_of({3.0}).deviation));
 }
 
 // Without ties, the value is 1 - 6 sum d^2 / (n (n^2 - 1)); Spearman's own IQ example gives

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/point_spread.h"
 #include "registration/evidence_plan.h"
 #include "registration/images/ct_averages.h"
-#include "registration/spread.h"
 #include "ultrasound/resting_frames.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/rigid.h"
