@@ -5,6 +5,7 @@
 
 #include "phantom/random.h"
 #include "require.h"
+#include "ultrasound/moving_place.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/registration/landmarks.h"
 #include "us_ct_registration/volume/operations.h"
@@ -31,26 +32,15 @@ std::vector<double> mean_grey_over_depth(const PreScanVolume& ultrasound) {
   return mean;
 }
 
-/// Samples, lines and frames as a regular grid with the spacing that they have in the middle of the
-/// depths.
+/// Samples, lines and frames as a regular grid with their mean spacing.
 Grid grid_of_indices(const ScanGeometry& geometry) {
   constexpr double kLeastStepMm = 0.1;  // of a probe at rest: speckle is smoothed over many steps
   const BeamGrid beams = beam_grid(geometry);
-  const double middle = 0.5 * (beams.samples() - 1);
-  const auto step_mm = [&](int frames, int lines) {
-    const Vector3d first = beams.point(0, 0, middle);
-    double path_mm = 0.0;
-    Vector3d last = first;
-    for (int i = 1; i < std::max(frames, lines); ++i) {
-      const Vector3d next = beams.point(std::min(i, frames - 1), std::min(i, lines - 1), middle);
-      path_mm += (next - last).norm();
-      last = next;
-    }
-    return std::max(kLeastStepMm, path_mm / std::max(1, std::max(frames, lines) - 1));
-  };
+  const BeamSpacing step = mean_spacing_mm(beams);
   Grid grid;
   grid.size = {beams.samples(), beams.lines, beams.frames};
-  grid.spacing_mm = {beams.axial.spacing_mm, step_mm(1, beams.lines), step_mm(beams.frames, 1)};
+  grid.spacing_mm = {beams.axial.spacing_mm, std::max(kLeastStepMm, step.line_mm),
+                     std::max(kLeastStepMm, step.frame_mm)};
   return grid;
 }
 

@@ -45,15 +45,6 @@ int blocks_of(double step_mm, double spacing_mm, int available) {
   return static_cast<int>(std::clamp(factor, 1.0, std::max(1.0, std::floor(available / 2.0))));
 }
 
-/// Mean distance between consecutive points.
-template <typename PointAt>
-double mean_step_mm(int count, const PointAt& point_at) {
-  if (count < 2) return 0.0;
-  double path_mm = 0.0;
-  for (int i = 1; i < count; ++i) path_mm += (point_at(i) - point_at(i - 1)).norm();
-  return path_mm / (count - 1);
-}
-
 }  // namespace
 
 BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors) {
@@ -105,15 +96,10 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
 
 Eigen::Vector3i factors_for_spacing(const BeamGrid& beams, double spacing_mm) {
   require_positive("decimation", "spacing_mm", spacing_mm);
-  const double middle = 0.5 * (beams.samples() - 1);
-  const double line_mm = mean_step_mm(
-      beams.lines, [&](int line) { return beams.point(beams.frames / 2, line, middle); });
-  const MeasuredPlace place = moving_place(beams);
-  const double frame_mm = mean_step_mm(
-      beams.frames, [&](int frame) { return beams.point(frame, place.line, place.sample); });
+  const BeamSpacing step = mean_spacing_mm(beams);
   return {blocks_of(beams.axial.spacing_mm, spacing_mm, beams.samples()),
-          blocks_of(line_mm, spacing_mm, beams.lines),
-          blocks_of(frame_mm, spacing_mm, beams.frames)};
+          blocks_of(step.line_mm, spacing_mm, beams.lines),
+          blocks_of(step.frame_mm, spacing_mm, beams.frames)};
 }
 
 }  // namespace usct

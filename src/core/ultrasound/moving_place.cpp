@@ -20,6 +20,15 @@ MovingPlace with_path(const BeamGrid& beams, const MeasuredPlace& at) {
   return place;
 }
 
+/// Mean distance between consecutive points.
+template <typename PointAt>
+double mean_step_mm(int count, const PointAt& point_at) {
+  if (count < 2) return 0.0;
+  double path_mm = 0.0;
+  for (int i = 1; i < count; ++i) path_mm += (point_at(i) - point_at(i - 1)).norm();
+  return path_mm / (count - 1);
+}
+
 }  // namespace
 
 MeasuredPlace moving_place(const BeamGrid& beams) {
@@ -36,6 +45,15 @@ MeasuredPlace moving_place(const BeamGrid& beams) {
   const MovingPlace& median = places[places.size() / 2];
   const MovingPlace middle = with_path(beams, {beams.lines / 2, 0.5 * (beams.samples() - 1)});
   return median.path_mm > kFarther * middle.path_mm ? median.at : middle.at;
+}
+
+BeamSpacing mean_spacing_mm(const BeamGrid& beams) {
+  const double middle = 0.5 * (beams.samples() - 1);
+  const MeasuredPlace place = moving_place(beams);
+  return {mean_step_mm(beams.lines,
+                       [&](int line) { return beams.point(beams.frames / 2, line, middle); }),
+          mean_step_mm(beams.frames,
+                       [&](int frame) { return beams.point(frame, place.line, place.sample); })};
 }
 
 }  // namespace usct

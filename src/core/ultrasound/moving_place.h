@@ -17,4 +17,14 @@ struct MeasuredPlace {
 /// over it; then it is the place of that median.
 MeasuredPlace moving_place(const BeamGrid& beams);
 
+/// Mean distances between neighbouring beams; 0 where there is only one line or frame.
+struct BeamSpacing {
+  double line_mm = 0.0;
+  double frame_mm = 0.0;
+};
+
+/// The spacing of the lines in the middle of the depths of the middle frame, and that of the frames
+/// at the moving place.
+BeamSpacing mean_spacing_mm(const BeamGrid& beams);
+
 }  // namespace usct

@@ -48,6 +48,19 @@ TEST(MovingPlace, IsWhereFactorsComeClosestToASpacing) {
   EXPECT_EQ(factors_for_spacing(rocking_sweep(41, 31, 90, 0.035, 30.0), 2.1).z(), 4);
 }
 
+/// Lines are 1 mm apart; 15 mm beside the axis, frames are 0.525 mm apart.
+TEST(MovingPlace, IsWhereFramesHaveTheirSpacing) {
+  const BeamSpacing straight = mean_spacing_mm(straight_tracked(40, 31, 20, 1.5));
+  EXPECT_NEAR(straight.line_mm, 1.0, 1e-9);
+  EXPECT_NEAR(straight.frame_mm, 1.5, 1e-9);
+  const BeamSpacing turning = mean_spacing_mm(turning_sweep(40, 61, 90, 0.035));
+  EXPECT_NEAR(turning.line_mm, 1.0, 1e-9);
+  EXPECT_NEAR(turning.frame_mm, 0.525, 0.02);
+  const BeamSpacing alone = mean_spacing_mm(straight_tracked(40, 1, 1, 1.5));
+  EXPECT_EQ(alone.line_mm, 0.0);
+  EXPECT_EQ(alone.frame_mm, 0.0);
+}
+
 /// All frames share the middle line, and none but neighbours have anything else in common.
 TEST(MovingPlace, IsWhereGaussianSumsTakeTheDistanceOfFrames) {
   const BeamGrid beams = turning_sweep(12, 61, 90, 0.035);
