@@ -213,7 +213,7 @@ void print_seconds(const std::map<std::string, double>& seconds) {
 
 void print_summary(const RegisterCommand& command, const Case& c,
                    const RegistrationResult& result) {
-  const Eigen::Vector3d middle_us_mm = middle_mm(c.beams.beams);
+  const Eigen::Vector3d middle_us_mm = c.beams.beams.middle_mm();
   std::printf("status: %s\nreason: %s\n", status_name(result.status), result.message.c_str());
   std::printf("similarity: %.4f, overlap %.2f\n", result.similarity, result.overlap);
   if (!result.candidates.empty()) {

@@ -29,15 +29,25 @@ struct BeamGrid {
   bool corrected_sweep = false;
 
   int samples() const { return axial.samples; }
-  const Beam& beam(int frame, int line) const {
-    return beams[static_cast<std::size_t>(frame) * static_cast<std::size_t>(lines) +
-                 static_cast<std::size_t>(line)];
+  /// The number of a beam in `beams`.
+  std::size_t beam_number(int frame, int line) const {
+    return static_cast<std::size_t>(frame) * static_cast<std::size_t>(lines) +
+           static_cast<std::size_t>(line);
+  }
+  const Beam& beam(int frame, int line) const { return beams[beam_number(frame, line)]; }
+  /// The number of a sample where those of all beams follow each other, as in BeamUltrasound.
+  std::size_t offset(int frame, int line, int sample = 0) const {
+    return beam_number(frame, line) * static_cast<std::size_t>(samples()) +
+           static_cast<std::size_t>(sample);
   }
   /// Position of a sample in the US frame, mm.
   Eigen::Vector3d point(int frame, int line, double sample) const {
     const Beam& b = beam(frame, line);
     return b.origin_mm + axial.depth_mm(sample) * b.direction;
   }
+
+  /// Mean of the midpoints of all beams, US frame, mm.
+  Eigen::Vector3d middle_mm() const;
 
   /// The box along the axes of the US frame, mm, that holds all samples.
   Eigen::AlignedBox3d bounding_box() const;

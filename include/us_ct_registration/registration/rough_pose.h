@@ -27,7 +27,4 @@ ProbeDirection parse_probe_direction(const std::vector<std::string>& words,
 Eigen::Isometry3d rough_pose(const Grid& ct, const BeamGrid& beams,
                              const ProbeDirection& direction);
 
-/// Mean of the midpoints of all beams, US frame, mm.
-Eigen::Vector3d middle_mm(const BeamGrid& beams);
-
 }  // namespace usct

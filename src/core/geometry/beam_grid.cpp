@@ -24,6 +24,13 @@ void BeamGrid::validate(const std::string& source) const {
                                    " must have a finite origin and a direction of length 1");
 }
 
+Eigen::Vector3d BeamGrid::middle_mm() const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int frame = 0; frame < frames; ++frame)
+    for (int line = 0; line < lines; ++line) sum += point(frame, line, 0.5 * (samples() - 1));
+  return sum / (static_cast<double>(frames) * lines);
+}
+
 Eigen::AlignedBox3d BeamGrid::bounding_box() const {
   Eigen::AlignedBox3d box;
   for (int frame = 0; frame < frames; ++frame)

@@ -43,16 +43,8 @@ Eigen::Isometry3d rough_pose(const Grid& ct, const BeamGrid& beams,
   R_ct_us << direction.lateral, direction.axial, direction.lateral.cross(direction.axial);
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = R_ct_us.transpose();
-  T.translation() = middle_mm(beams) - T.linear() * ct.centre_mm();
+  T.translation() = beams.middle_mm() - T.linear() * ct.centre_mm();
   return T;
-}
-
-Vector3d middle_mm(const BeamGrid& beams) {
-  Vector3d sum = Vector3d::Zero();
-  for (int frame = 0; frame < beams.frames; ++frame)
-    for (int line = 0; line < beams.lines; ++line)
-      sum += beams.point(frame, line, 0.5 * (beams.samples() - 1));
-  return sum / (static_cast<double>(beams.frames) * beams.lines);
 }
 
 }  // namespace usct

@@ -13,11 +13,9 @@ namespace {
 
 void add_line(const BeamUltrasound& us, int frame, int line, int step,
               std::vector<CloudPoint>& points) {
-  const auto first = static_cast<std::size_t>(frame * us.beams.lines + line) *
-                     static_cast<std::size_t>(us.beams.samples());
   for (int sample = 0; sample < us.beams.samples(); sample += step)
-    points.push_back({us.beams.point(frame, line, sample),
-                      us.brightness[first + static_cast<std::size_t>(sample)]});
+    points.push_back(
+        {us.beams.point(frame, line, sample), us.brightness[us.beams.offset(frame, line, sample)]});
 }
 
 }  // namespace

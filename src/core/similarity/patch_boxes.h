@@ -24,10 +24,7 @@ class CountingSamples {
   template <typename Visit>
   void for_beams(const PatchBox& box, const Visit& visit) const {
     for (int f = box.begin.z(); f < box.end.z(); ++f)
-      for (int l = box.begin.y(); l < box.end.y(); ++l)
-        visit(static_cast<std::size_t>(f) * static_cast<std::size_t>(us_.beams.lines) +
-                  static_cast<std::size_t>(l),
-              l + f);
+      for (int l = box.begin.y(); l < box.end.y(); ++l) visit(us_.beams.beam_number(f, l), l + f);
   }
 
   /// Memory for the samples of a box on one beam.

@@ -6,16 +6,6 @@
 #include "require.h"
 
 namespace usct::simulated_lc2 {
-namespace {
-
-/// The number of the first sample of a line.
-std::size_t start_of(const BeamGrid& beams, int frame, int line) {
-  const auto beam = static_cast<std::size_t>(frame) * static_cast<std::size_t>(beams.lines) +
-                    static_cast<std::size_t>(line);
-  return beam * static_cast<std::size_t>(beams.samples());
-}
-
-}  // namespace
 
 DifferencedCt::DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
     : grid_(ct.grid), voxels_(ct.voxels.size() + 1) {
@@ -92,7 +82,7 @@ void BlockedUltrasound::place_blocks(const BeamGrid& beams,
                                      const std::vector<std::uint8_t>& counts) {
   for (int frame = 0; frame < beams.frames; ++frame) {
     const auto is_used = [&](int line) {
-      const std::uint8_t* first = counts.data() + start_of(beams, frame, line);
+      const std::uint8_t* first = counts.data() + beams.offset(frame, line);
       return std::find(first, first + samples_, 1) != first + samples_;
     };
     int begin = 0;
@@ -111,7 +101,7 @@ void BlockedUltrasound::fill(int block, const BeamUltrasound& ultrasound,
   float* values = values_.data() + static_cast<std::size_t>(block) * block_size();
   const int lines = std::min(kLinesPerBlock, beams.lines - place.first_line);
   for (int lane = 0; lane < lines; ++lane) {
-    std::size_t i = start_of(beams, place.frame, place.first_line + lane);
+    std::size_t i = beams.offset(place.frame, place.first_line + lane);
     for (int sample = 0; sample < samples_; ++sample, ++i) {
       if (counts[i] == 0) continue;
       values[sample * kLinesPerBlock + lane] = ultrasound.brightness[i] - mean_;

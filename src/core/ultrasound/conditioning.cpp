@@ -63,13 +63,10 @@ struct SampleLine {
   }
 };
 
-SampleLine line_of(ConditionedUltrasound& us, int frame, int line) {
-  const std::size_t count = us.samples.size() / (static_cast<std::size_t>(us.lines) *
-                                                 static_cast<std::size_t>(us.frames));
-  const std::size_t start = (static_cast<std::size_t>(frame) * static_cast<std::size_t>(us.lines) +
-                             static_cast<std::size_t>(line)) *
-                            count;
-  return {us.samples.data() + start, us.reasons.data() + start, count};
+SampleLine line_of(const BeamGrid& beams, ConditionedUltrasound& us, int frame, int line) {
+  const std::size_t start = beams.offset(frame, line);
+  return {us.samples.data() + start, us.reasons.data() + start,
+          static_cast<std::size_t>(beams.samples())};
 }
 
 /// Arrays of which Gaussian sums are taken: 1 where a sample counts, its value, and its square.
@@ -80,7 +77,7 @@ template <typename UseLine>
 void with_local_sums(const BeamGrid& beams, double sigma_mm, std::size_t arrays,
                      ConditionedUltrasound& us, const UseLine& use) {
   const auto fill = [&](int frame, int line, float* const* rows) {
-    const SampleLine from = line_of(us, frame, line);
+    const SampleLine from = line_of(beams, us, frame, line);
     for (std::size_t s = 0; s < from.count; ++s)
       rows[kWeight][s] = from.reasons[s] == 0 ? 1.0F : 0.0F;
     std::copy_n(from.values, from.count, rows[kValue]);
@@ -89,7 +86,7 @@ void with_local_sums(const BeamGrid& beams, double sigma_mm, std::size_t arrays,
         rows[kSquare][s] = from.values[s] * from.values[s];
   };
   GaussianSums(beams, sigma_mm)(arrays, fill, [&](int frame, int line, const float* const* sums) {
-    use(line_of(us, frame, line), sums);
+    use(line_of(beams, us, frame, line), sums);
   });
 }
 
@@ -200,7 +197,7 @@ ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
       if (reasons == 0) reasons = kConstant;
   parallel_for(result.frames, [&](int frame) {
     for (int line = 0; line < result.lines; ++line)
-      line_of(result, frame, line).replace([&](float value, std::size_t) {
+      line_of(ultrasound.beams, result, frame, line).replace([&](float value, std::size_t) {
         return in_deviations ? static_cast<float>((value - all.mean) / all.deviation) : value;
       });
   });

@@ -74,16 +74,10 @@ BeamUltrasound decimate(const BeamUltrasound& in, const Eigen::Vector3i& factors
       std::vector<float> sum(samples);
       std::vector<int> count(samples);
       for (int df = 0; df < factors.z(); ++df)
-        for (int dl = 0; dl < factors.y(); ++dl) {
-          const auto beam = static_cast<std::size_t>(f * factors.z() + df) *
-                                static_cast<std::size_t>(from.lines) +
-                            static_cast<std::size_t>(l * factors.y() + dl);
-          add_line(in, beam * static_cast<std::size_t>(from.samples()), factors.x(), sum, count);
-        }
-      const std::size_t start =
-          (static_cast<std::size_t>(f) * static_cast<std::size_t>(out.beams.lines) +
-           static_cast<std::size_t>(l)) *
-          samples;
+        for (int dl = 0; dl < factors.y(); ++dl)
+          add_line(in, from.offset(f * factors.z() + df, l * factors.y() + dl), factors.x(), sum,
+                   count);
+      const std::size_t start = out.beams.offset(f, l);
       for (std::size_t s = 0; s < samples; ++s) {
         const bool known = 2 * count[s] >= factors.prod();
         out.known[start + s] = known ? 1 : 0;

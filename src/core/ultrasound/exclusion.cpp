@@ -99,11 +99,8 @@ class Exclusion {
 
   /// Averages speckle over the known samples.
   void smooth() {
-    const auto start_of = [&](int frame, int line) {
-      return at(frame * us_.beams.lines + line, 0);
-    };
     const auto fill = [&](int frame, int line, float* const* rows) {
-      const std::size_t start = start_of(frame, line);
+      const std::size_t start = us_.beams.offset(frame, line);
       for (std::size_t s = 0; s < static_cast<std::size_t>(samples_); ++s) {
         const bool known = is_known(start + s);
         rows[0][s] = known ? us_.brightness[start + s] : 0.0F;
@@ -111,7 +108,7 @@ class Exclusion {
       }
     };
     const auto divide = [&](int frame, int line, const float* const* sums) {
-      const std::size_t start = start_of(frame, line);
+      const std::size_t start = us_.beams.offset(frame, line);
       for (std::size_t s = 0; s < static_cast<std::size_t>(samples_); ++s) {
         const float mean = sums[0][s] / sums[1][s];
         soft_[start + s] = is_known(start + s) ? mean : 0.0F;
@@ -221,8 +218,7 @@ class Exclusion {
          f <= std::min(us_.beams.frames - 1, frame + kWallNeighbours); ++f)
       for (int l = std::max(0, line - kWallNeighbours);
            l <= std::min(lines - 1, line + kWallNeighbours); ++l)
-        values.push_back(found[static_cast<std::size_t>(f) * static_cast<std::size_t>(lines) +
-                               static_cast<std::size_t>(l)]);
+        values.push_back(found[us_.beams.beam_number(f, l)]);
     return in_place_median(values);
   }
 

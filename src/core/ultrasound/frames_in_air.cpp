@@ -18,7 +18,7 @@ double brightness_of(const BeamUltrasound& us, int frame) {
   double sum = 0.0;
   std::size_t count = 0;
   for (int line = 0; line < us.beams.lines; line += kLineStep) {
-    const std::size_t start = static_cast<std::size_t>(frame * us.beams.lines + line) * samples;
+    const std::size_t start = us.beams.offset(frame, line);
     for (std::size_t i = start + samples / 4; i < start + samples; ++i) {
       if (!us.known.empty() && us.known[i] == 0) continue;
       sum += us.brightness[i];

@@ -172,13 +172,12 @@ std::vector<float> sample_along_beams(const Volume<T>& volume, const BeamGrid& b
                                       Interpolation interpolation, Outside outside,
                                       const Progress& progress) {
   const auto samples = static_cast<std::size_t>(beams.samples());
-  const auto lines = static_cast<std::size_t>(beams.lines);
   std::vector<float> values(samples * beams.beams.size());
   const Eigen::Affine3d T_index_us = volume.grid.T_index_physical() * T_volume_us;
   parallel_for(
       beams.frames,
       [&](int frame) {
-        float* value = values.data() + static_cast<std::size_t>(frame) * lines * samples;
+        float* value = values.data() + beams.offset(frame, 0);
         for (int line = 0; line < beams.lines; ++line) {
           const Eigen::Vector3d first = T_index_us * beams.point(frame, line, 0.0);
           const Eigen::Vector3d step =

@@ -102,6 +102,22 @@ TEST(BeamGrid, ABeamThatLeadsNowhereIsNamed) {
   refuse({Eigen::Vector3d::Zero(), Eigen::Vector3d(0.0, 1.1, 0.0)});
 }
 
+TEST(BeamGrid, NumbersSamplesBeamByBeamAndHasItsMiddleAmongThem) {
+  BeamGrid grid{{3, 1.0, 2.0}, 4, 2, {}};
+  for (int frame = 0; frame < 2; ++frame)
+    for (int line = 0; line < 4; ++line)
+      grid.beams.push_back({Eigen::Vector3d(line, 0.0, 5.0 * frame), Eigen::Vector3d::UnitY()});
+  std::size_t next = 0;
+  for (int frame = 0; frame < 2; ++frame)
+    for (int line = 0; line < 4; ++line) {
+      EXPECT_EQ(&grid.beam(frame, line), &grid.beams[grid.beam_number(frame, line)]);
+      EXPECT_EQ(grid.offset(frame, line), next);
+      for (int sample = 0; sample < 3; ++sample)
+        EXPECT_EQ(grid.offset(frame, line, sample), next++);
+    }
+  EXPECT_LT((grid.middle_mm() - Eigen::Vector3d(1.5, 3.0, 2.5)).norm(), 1e-12);
+}
+
 TEST(BeamGrid, RefusesInvalidGeometry) { EXPECT_THROW(beam_grid(ScanGeometry{}), InputError); }
 
 }  // namespace

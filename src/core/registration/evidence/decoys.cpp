@@ -60,21 +60,13 @@ std::vector<Vector3d> along_normal(const Isometry3d& T_mirror) {
   return {shift, -shift};
 }
 
-/// The middle of all samples, whether they count or not.
-Vector3d middle_us_mm(const BeamGrid& beams) {
-  const double depth_mm = beams.axial.depth_mm(0.5 * (beams.samples() - 1));
-  Vector3d sum = Vector3d::Zero();
-  for (const Beam& beam : beams.beams) sum += beam.origin_mm + depth_mm * beam.direction;
-  return sum / static_cast<double>(beams.beams.size());
-}
-
 /// The translation to where ultrasound lies that was recorded in reverse order, from where it lies
 /// mirrored about the centre of what counts of it; none where the starts reach it anyway.
 std::vector<Vector3d> to_recorded_mirror(Mirror mirror, const BeamGrid& beams,
                                          const Vector3d& centre_us_mm) {
   constexpr double kReachedAnywayMm = 5.0;
   const Vector3d shift = mirror_of(mirror, beams, centre_us_mm).translation() -
-                         mirror_of(mirror, beams, middle_us_mm(beams)).translation();
+                         mirror_of(mirror, beams, beams.middle_mm()).translation();
   if (shift.norm() <= kReachedAnywayMm) return {};
   return {shift};
 }
