@@ -9,6 +9,12 @@ namespace usct {
 /// The matrix of the cross product: [v]x p = v x p.
 Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
 
+/// The rotation about a vector by its length, rad; the identity for the zero vector.
+Eigen::Matrix3d rotation_from_vector(const Eigen::Vector3d& rotation_vector_rad);
+
+/// The vector of a rotation, of a length in [0, pi] rad.
+Eigen::Vector3d rotation_vector_of(const Eigen::Matrix3d& rotation);
+
 /// Tolerance on each entry of MᵀM - 1. It allows for the rounding of text files with about six
 /// digits, which moves a point of the kidney by micrometres.
 constexpr double kRotationTolerance = 1e-5;

@@ -14,6 +14,17 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   return matrix;
 }
 
+Eigen::Matrix3d rotation_from_vector(const Eigen::Vector3d& rotation_vector_rad) {
+  const double angle = rotation_vector_rad.norm();
+  if (angle == 0.0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle, rotation_vector_rad / angle).toRotationMatrix();
+}
+
+Eigen::Vector3d rotation_vector_of(const Eigen::Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
 double deviation_from_rotation(const Eigen::Matrix3d& matrix) {
   if (!matrix.allFinite() || !(matrix.determinant() > 0.0))
     return std::numeric_limits<double>::infinity();

@@ -22,17 +22,6 @@ Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& w) {
   return Eigen::Matrix3d::Identity() + first * cross + second * cross * cross;
 }
 
-Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rotation_vector_rad) {
-  const double angle = rotation_vector_rad.norm();
-  if (angle == 0.0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, rotation_vector_rad / angle).toRotationMatrix();
-}
-
-Eigen::Vector3d rotation_vector_of(const Eigen::Matrix3d& rotation) {
-  const Eigen::AngleAxisd turn(rotation);
-  return turn.angle() * turn.axis();
-}
-
 void require_initial(const Eigen::Isometry3d& T_us_ct_initial) {
   require_rotation(T_us_ct_initial.linear(), "initial pose", "rotation");
   if (!T_us_ct_initial.translation().allFinite())
@@ -65,7 +54,7 @@ PoseParameters PoseParameters::about(const Eigen::Isometry3d& T_us_ct_initial) c
 }
 
 Eigen::Isometry3d PoseParameters::T_us_ct(const PoseVector& parameters) const {
-  const Eigen::Matrix3d rotation = rotation_of(rotation_scale_ * parameters.head<3>());
+  const Eigen::Matrix3d rotation = rotation_from_vector(rotation_scale_ * parameters.head<3>());
   Eigen::Isometry3d T_us_ct = Eigen::Isometry3d::Identity();
   T_us_ct.linear() = rotation * T_us_ct_initial_.linear();
   T_us_ct.translation() = centre_us_mm_ + parameters.tail<3>() +

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "core/io/expect_input_error.h"
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/rigid.h"
 
 namespace usct::test {
@@ -10,6 +11,17 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
+
+TEST(RotationVector, TurnsAboutItselfByItsLengthAndIsFoundAgain) {
+  const double quarter_rad = 90.0 * kDegree;
+  const Eigen::Matrix3d turn = rotation_from_vector({0.0, 0.0, quarter_rad});
+  EXPECT_LT((turn * Vector3d(1, 0, 0) - Vector3d(0, 1, 0)).norm(), 1e-15);
+  EXPECT_EQ(rotation_from_vector(Vector3d::Zero()), Eigen::Matrix3d::Identity());
+  EXPECT_EQ(rotation_vector_of(Eigen::Matrix3d::Identity()), Vector3d::Zero());
+  for (const Vector3d& w :
+       {Vector3d(1e-6, -2e-6, 0.0), Vector3d(0.3, -0.2, 1.1), Vector3d(-1.5, 1.6, 2.1)})
+    EXPECT_LT((rotation_vector_of(rotation_from_vector(w)) - w).norm(), 1e-12);
+}
 
 /// A quaternion that nobody set is all zero; made a rotation, it would draw a CT somewhere.
 TEST(RigidFromQuaternion, NeedsALengthOfOne) {

@@ -5,6 +5,7 @@
 
 #include "registration/motion_about.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct::registration {
 namespace {
@@ -151,12 +152,9 @@ std::optional<SimilarityDerivatives> MirroredSimilarity::derivatives(const Simil
   // A sample q of the original lies at p = L q + s. A motion w x p + t of p moves q by
   // L^T (w x (L q + s) + t) = det(L) (L^T w) x q + L^T (w x s + t).
   const Matrix3d back = mirror_.linear().transpose();
-  const Vector3d s = mirror_.translation();
-  Matrix3d cross;  // [s]x
-  cross << 0.0, -s.z(), s.y(), s.z(), 0.0, -s.x(), -s.y(), s.x(), 0.0;
   SimilarityDerivatives::Matrix changes = SimilarityDerivatives::Matrix::Identity();
   changes.block<3, 3>(0, 0) = back.determinant() * back;
-  changes.block<3, 3>(3, 0) = -back * cross;
+  changes.block<3, 3>(3, 0) = -back * cross_matrix(mirror_.translation());
   changes.block<3, 3>(3, 3) = back;
   result->gradient = (changes.transpose() * result->gradient).eval();
   result->curvature = (changes.transpose() * result->curvature * changes).eval();

@@ -8,6 +8,7 @@
 
 #include "ultrasound/moving_place.h"
 #include "ultrasound/resting_frames.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct::registration {
 namespace {
@@ -23,8 +24,7 @@ using Motion = Eigen::Matrix<double, 6, 1>;
 Motion motion_between(const Isometry3d& T_a_us_ct, const Isometry3d& T_b_us_ct,
                       const Vector3d& centre_us_mm) {
   const Isometry3d T = T_b_us_ct * T_a_us_ct.inverse();
-  const Eigen::AngleAxisd turn(T.rotation());
-  const Vector3d rotation = turn.angle() * turn.axis();
+  const Vector3d rotation = rotation_vector_of(T.rotation());
   Motion motion;
   motion << rotation, T * centre_us_mm - centre_us_mm - rotation.cross(centre_us_mm);
   return motion;

@@ -9,6 +9,7 @@
 #include "registration/motion_about.h"
 #include "registration/search/block_sums.h"
 #include "us_ct_registration/geometry/angles.h"
+#include "us_ct_registration/geometry/rigid.h"
 
 namespace usct::registration {
 namespace {
@@ -51,12 +52,6 @@ int parts_of(double width, double most) {
   return std::max(1, static_cast<int>(std::ceil(width / most)));
 }
 
-Matrix3d rotation(const Vector3d& vector) {
-  const double angle = vector.norm();
-  if (!(angle > 0.0)) return Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix();
-}
-
 /// Rotations by the vectors in the middles of count^3 equal parts of a cube around 0.
 std::vector<Matrix3d> middles_of_parts(double half_width, int count) {
   const double width = 2.0 * half_width / count;
@@ -65,7 +60,7 @@ std::vector<Matrix3d> middles_of_parts(double half_width, int count) {
   for (int x = 0; x < count; ++x)
     for (int y = 0; y < count; ++y)
       for (int z = 0; z < count; ++z)
-        middles.push_back(rotation({middle(x), middle(y), middle(z)}));
+        middles.push_back(rotation_from_vector({middle(x), middle(y), middle(z)}));
   return middles;
 }
 
