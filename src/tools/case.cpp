@@ -15,6 +15,7 @@
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/io/whole_folder.h"
+#include "us_ct_registration/registration/landmarks.h"
 
 namespace usct::tools {
 namespace {
@@ -87,10 +88,8 @@ bool set_targets(const CaseCommand& command, StudyCase& made) {
   const bool in_ct = !command.targets_ct.empty();
   made.targets_ct_mm = in_ct ? read_points_mm(command.targets_ct)
                              : ct_points_mm(made.T_us_ct_true, made.targets_us_mm);
-  if (made.targets_ct_mm.size() != made.targets_us_mm.size())
-    throw InputError(command.targets_ct, "has " + std::to_string(made.targets_ct_mm.size()) +
-                                             " points, must have as many as " + command.targets +
-                                             ", " + std::to_string(made.targets_us_mm.size()));
+  require_same_count(command.targets_ct, made.targets_ct_mm.size(), command.targets,
+                     made.targets_us_mm.size());
   // A kidney may reach beyond either image; its middle may not.
   require_in_ultrasound({made.centre_us_mm()}, made.ultrasound, command.targets + ", centroid");
   require_in_ct({made.centre_ct_mm()}, made.ct, command.targets + ", centroid by the truth");

@@ -4,12 +4,12 @@
 
 #include "commands.h"
 #include "exit_status.h"
-#include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
+#include "us_ct_registration/registration/landmarks.h"
 
 namespace usct::tools {
 namespace {
@@ -41,10 +41,7 @@ std::vector<Eigen::Vector3d> read_targets_ct_mm(const EvaluateOptions& options,
                                                 std::size_t targets) {
   if (options.targets_ct.empty()) return {};
   std::vector<Eigen::Vector3d> points_mm = read_points_mm(options.targets_ct);
-  if (points_mm.size() != targets)
-    throw InputError(options.targets_ct, "has " + std::to_string(points_mm.size()) +
-                                             " points, must have as many as --targets, " +
-                                             std::to_string(targets));
+  require_same_count(options.targets_ct, points_mm.size(), "--targets", targets);
   return points_mm;
 }
 

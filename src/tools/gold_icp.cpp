@@ -70,12 +70,10 @@ std::vector<IcpResult> results_of(const GoldIcpCommand& command, const Points& u
   return distinct(std::move(results));
 }
 
-/// The distance of the second result over that of the best; infinite if all starts led to the same.
+/// Infinite if all starts led to the same.
 double distinction(const std::vector<IcpResult>& results) {
-  constexpr double kExactMm = 0.1;
   if (results.size() < 2) return std::numeric_limits<double>::infinity();
-  return std::max(results[1].capped_distance_mm, kExactMm) /
-         std::max(results[0].capped_distance_mm, kExactMm);
+  return distinction_of(results[0].capped_distance_mm, results[1].capped_distance_mm);
 }
 
 void warn_of_motion(const IcpResult& best) {

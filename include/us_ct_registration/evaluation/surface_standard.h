@@ -17,6 +17,10 @@ struct SurfaceAlignment {
   double distance_mm = 0.0;
 };
 
+/// The distance of the second best alignment over that of the best, where no segmentation is exact
+/// to less than 0.1 mm.
+double distinction_of(double best_mm, double second_mm);
+
 struct SurfaceStandard {
   /// The four rotations that bring the principal axes together, best first: an axis has no
   /// direction, and two of the three may be reversed.
@@ -25,9 +29,8 @@ struct SurfaceStandard {
   Eigen::Vector3d deviations_us_mm;
   Eigen::Vector3d deviations_ct_mm;
 
-  /// The distance of the second best alignment over that of the best, where no segmentation is
-  /// exact to less than 0.1 mm: near 1, the surfaces do not
-  /// tell which way round the kidney is, and the best alignment may be half a turn wrong.
+  /// The distinction of the two best alignments: near 1, the surfaces do not tell which way round
+  /// the kidney is, and the best alignment may be half a turn wrong.
   double distinction() const;
   /// The least ratio of neighbouring deviations, of both surfaces: near 1, a section of the surface
   /// is nearly round, and the rotation within it is arbitrary.

@@ -1,10 +1,15 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <string>
 #include <vector>
 
 namespace usct {
+
+/// Throws InputError, naming `source`, unless its number of points is that of `other`.
+void require_same_count(const std::string& source, std::size_t count, const std::string& other,
+                        std::size_t other_count);
 
 struct LandmarkAlignment {
   /// `p_target = T_target_source * p_source`.

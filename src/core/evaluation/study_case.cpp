@@ -9,6 +9,7 @@
 #include "us_ct_registration/io/ultrasound/prescan_nrrd.h"
 #include "us_ct_registration/io/volumes/volume_io.h"
 #include "us_ct_registration/io/whole_folder.h"
+#include "us_ct_registration/registration/landmarks.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct {
@@ -66,10 +67,8 @@ StudyCase read_study_case(const fs::path& folder) {
   study_case.targets_ct_mm = fs::exists(in_ct)
                                  ? read_points_mm(in_ct)
                                  : ct_points_mm(study_case.T_us_ct_true, study_case.targets_us_mm);
-  if (study_case.targets_ct_mm.size() != study_case.targets_us_mm.size())
-    throw InputError(in_ct.string(), "has " + std::to_string(study_case.targets_ct_mm.size()) +
-                                         " points, must have as many as targets.csv, " +
-                                         std::to_string(study_case.targets_us_mm.size()));
+  require_same_count(in_ct.string(), study_case.targets_ct_mm.size(), "targets.csv",
+                     study_case.targets_us_mm.size());
   return study_case;
 }
 

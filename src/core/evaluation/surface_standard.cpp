@@ -56,10 +56,13 @@ double least_ratio(const Vector3d& deviations_mm) {
 
 }  // namespace
 
-double SurfaceStandard::distinction() const {
+double distinction_of(double best_mm, double second_mm) {
   constexpr double kExactMm = 0.1;
-  return std::max(alignments[1].distance_mm, kExactMm) /
-         std::max(alignments[0].distance_mm, kExactMm);
+  return std::max(second_mm, kExactMm) / std::max(best_mm, kExactMm);
+}
+
+double SurfaceStandard::distinction() const {
+  return distinction_of(alignments[0].distance_mm, alignments[1].distance_mm);
 }
 
 double SurfaceStandard::roundness_ratio() const {

@@ -19,13 +19,17 @@ Eigen::Matrix3Xd as_columns(const std::vector<Eigen::Vector3d>& points) {
 
 }  // namespace
 
+void require_same_count(const std::string& source, std::size_t count, const std::string& other,
+                        std::size_t other_count) {
+  if (count == other_count) return;
+  throw InputError(source, "has " + std::to_string(count) + " points, must have as many as " +
+                               other + ", " + std::to_string(other_count));
+}
+
 LandmarkAlignment align_landmarks(const std::vector<Eigen::Vector3d>& points_target_mm,
                                   const std::vector<Eigen::Vector3d>& points_source_mm,
                                   const std::string& target_name, const std::string& source_name) {
-  if (points_target_mm.size() != points_source_mm.size())
-    throw InputError(target_name, "has " + std::to_string(points_target_mm.size()) +
-                                      " points, must have as many as " + source_name + ", " +
-                                      std::to_string(points_source_mm.size()));
+  require_same_count(target_name, points_target_mm.size(), source_name, points_source_mm.size());
   require_spread(points_target_mm, kLeastTriangleRatio, target_name);
   require_spread(points_source_mm, kLeastTriangleRatio, source_name);
 

@@ -8,10 +8,9 @@ namespace usct {
 std::vector<float> ultrasound_of(const UltrasoundPatches& us) {
   std::vector<float> values(us.value.size(), std::numeric_limits<float>::quiet_NaN());
   for (const UltrasoundPatches::Patch& patch : us.patches) {
-    const std::size_t strands = patch.strands();
-    for (std::size_t i = 0; i < strands; ++i) {
+    for (std::size_t i = 0; i < patch.strands(); ++i) {
       const std::size_t strand = patch.first_strand + i;
-      const std::size_t rows = (i + 1) * patch.count / strands - i * patch.count / strands;
+      const std::size_t rows = patch.rows_of(i);
       for (std::size_t row = 0; row < rows; ++row) {
         const std::size_t place = us.blocks[strand / kLanes].begin + row * kLanes + strand % kLanes;
         values[place] = static_cast<float>(us.value[place] + patch.mean);

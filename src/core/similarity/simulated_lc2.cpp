@@ -8,6 +8,7 @@
 #include "require.h"
 #include "similarity/simulated_lc2_images.h"
 #include "similarity/simulated_lc2_kernel.h"
+#include "simulation/fit_limits.h"
 #include "us_ct_registration/geometry/rigid.h"
 
 namespace usct {
@@ -21,9 +22,6 @@ using simulated_lc2::Scene;
 using simulated_lc2::Sums;
 
 constexpr std::size_t kMostVoxels = std::size_t{1} << 30U;
-// These two thresholds are those of fit_to_ultrasound.
-constexpr double kConstant = 1e-12;
-constexpr double kCollinear = 1e-9;
 /// Blocks that one thread follows at a time.
 constexpr int kBlocksAtOnce = 8;
 
@@ -61,7 +59,7 @@ Scene described(const SimulationOptions& options, bool use_background) {
 double least_residual(const Sums& sums, double p_origin) {
   const auto n = static_cast<double>(sums.insonified);
   const auto is_constant = [&](double deviations, double squares, double mean) {
-    return deviations <= kConstant * (squares + n * mean * mean);
+    return deviations <= kConstantBelow * (squares + n * mean * mean);
   };
   const double uu = sums.uu - sums.u * sums.u / n;
   const double pp = sums.pp - sums.p * sums.p / n;
@@ -75,8 +73,8 @@ double least_residual(const Sums& sums, double p_origin) {
       p_varies && r_varies ? (sums.pr - sums.p * sums.r / n) / std::sqrt(pp) / std::sqrt(rr) : 0.0;
   // Uses the eigenvectors of the correlation matrix of p and r.
   double explained = 0.0;
-  if (1.0 + c > kCollinear) explained += 0.5 * (up + ur) * (up + ur) / (1.0 + c);
-  if (1.0 - c > kCollinear) explained += 0.5 * (up - ur) * (up - ur) / (1.0 - c);
+  if (1.0 + c > kCollinearBelow) explained += 0.5 * (up + ur) * (up + ur) / (1.0 + c);
+  if (1.0 - c > kCollinearBelow) explained += 0.5 * (up - ur) * (up - ur) / (1.0 - c);
   return std::max(0.0, uu - explained);
 }
 
@@ -183,7 +181,7 @@ class SimulatedLc2 final : public Similarity {
     const double squares = sums.uu + sums.uu_occluded;
     const double deviations = squares - u * u / n;
     const double mean = u / n + ultrasound_.mean();
-    if (deviations <= kConstant * (squares + n * mean * mean)) return result;
+    if (deviations <= kConstantBelow * (squares + n * mean * mean)) return result;
     const double insonified = fit_.fixed_weights ? residual(*fit_.fixed_weights, sums,
                                                             ultrasound_.mean(), scene_.p_origin)
                                                  : least_residual(sums, scene_.p_origin);

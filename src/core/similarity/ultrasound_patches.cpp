@@ -57,12 +57,6 @@ class Cutter {
     return motions;
   }
 
-  /// Number of samples of a strand of a patch.
-  static std::size_t length(const UltrasoundPatches::Patch& patch, std::size_t strand) {
-    const std::size_t strands = patch.strands();
-    return (strand + 1) * patch.count / strands - strand * patch.count / strands;
-  }
-
   /// Arranges strands in blocks.
   void lay_out() {
     const auto next_block = [&] {
@@ -79,7 +73,7 @@ class Cutter {
       result_.count += box.patch.count;
       result_.patches.push_back(box.patch);
       const std::size_t strands = box.patch.strands();
-      for (std::size_t i = 0; i < strands; ++i) lengths_.push_back(length(box.patch, i));
+      for (std::size_t i = 0; i < strands; ++i) lengths_.push_back(box.patch.rows_of(i));
     }
     next_block();
     if (result_.first_single_patch == result_.patches.size())
@@ -121,7 +115,7 @@ class Cutter {
     Eigen::Matrix3d by_errors_mm = Eigen::Matrix3d::Zero();  // sum
     std::size_t strand = patch.first_strand;
     std::size_t place = place_of(strand);
-    std::size_t left = length(patch, 0);
+    std::size_t left = patch.rows_of(0);
     std::vector<int> samples = counting_.none();
     counting_.for_beams(boxes_[p], [&](std::size_t beam, int line_and_frame) {
       const std::size_t count = counting_.find(boxes_[p], beam, line_and_frame, samples);
@@ -130,7 +124,7 @@ class Cutter {
           pad(strand);
           ++strand;
           place = place_of(strand);
-          left = length(patch, strand - patch.first_strand);
+          left = patch.rows_of(strand - patch.first_strand);
         }
         const OfBeam part{beam, samples.data() + i, std::min(left, count - i)};
         strand_boxes_[strand].extend(put_positions(place, part, patch.mean));

@@ -34,6 +34,10 @@ struct UltrasoundPatches {
     Eigen::Vector3d centre_us_mm = Eigen::Vector3d::Zero();  // middle of the patch
     std::size_t first_strand = 0;
     std::size_t strands() const { return (count + kLongestStrand - 1) / kLongestStrand; }
+    /// Number of samples of one of its strands, of which the first is 0.
+    std::size_t rows_of(std::size_t strand) const {
+      return (strand + 1) * count / strands() - strand * count / strands();
+    }
   };
   /// Sample r of strand `kLanes * b + lane` is at `blocks[b].begin + kLanes * r + lane`.
   struct Block {

@@ -4,15 +4,11 @@
 
 #include "parallel.h"
 #include "require.h"
+#include "simulation/fit_limits.h"
 #include "us_ct_registration/simulation/simulation.h"
 
 namespace usct {
 namespace {
-
-/// An image whose variance is below this share of its squared mean is constant but for rounding.
-constexpr double kConstant = 1e-12;
-/// If 1 - |correlation| of p and r is below this, they count as collinear.
-constexpr double kCollinear = 1e-9;
 
 /// Sums, later means: of p, r and U (in this order) over insonified samples, and of U alone.
 struct Means {
@@ -136,7 +132,7 @@ class Fit {
   }
 
   static bool is_constant(double squares, std::size_t count, double mean) {
-    return squares <= kConstant * static_cast<double>(count) * mean * mean;
+    return squares <= kConstantBelow * static_cast<double>(count) * mean * mean;
   }
 
   bool find_weights() {
@@ -159,7 +155,7 @@ class Fit {
     Eigen::Matrix2d of_images;
     of_images << correlation(0, 0), correlation(0, 1), correlation(1, 0), correlation(1, 1);
     Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix2d> decomposition;
-    decomposition.setThreshold(kCollinear);
+    decomposition.setThreshold(kCollinearBelow);
     decomposition.compute(of_images);
     const Eigen::Vector2d standardised =
         decomposition.solve(Eigen::Vector2d(correlation(0, 2), correlation(1, 2)));
