@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/formatted.h"
 
 namespace usct {
@@ -17,7 +17,7 @@ namespace usct {
 /// apart that differ by chance or by mistake; it is no protection against intent.
 class Fingerprint {
  public:
-  void add(std::uint64_t value) { hash_ = phantom::hash(hash_, value); }
+  void add(std::uint64_t value) { hash_ = hash(hash_, value); }
   void add(double value) {
     std::uint64_t bits = 0;
     std::memcpy(&bits, &value, sizeof(bits));

@@ -7,7 +7,7 @@
 #include <set>
 #include <tuple>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/evaluation/study_case.h"
 
 namespace usct {
@@ -64,7 +64,7 @@ MethodComparison compared(const std::string& first, const RunsByStart& firsts,
 Interval bootstrap_over_subjects(const std::vector<SubjectValues>& subjects, std::uint64_t seed,
                                  int draws) {
   if (subjects.size() < 2) return {};
-  phantom::Sequence random(seed, kBootstrapPurpose);
+  Sequence random(seed, kBootstrapPurpose);
   std::vector<double> means;
   for (int draw = 0; draw < draws; ++draw) {
     SubjectValues drawn;

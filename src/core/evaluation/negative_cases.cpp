@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "require.h"
 #include "ultrasound/moving_place.h"
 #include "us_ct_registration/geometry/beam_grid.h"
@@ -54,9 +54,9 @@ Volume<float> speckle_db(const Grid& grid, std::uint64_t seed, const SpeckleOpti
   wider.size += 2 * margin;
   Volume<float> real(wider);
   Volume<float> imaginary(wider);
-  phantom::Sequence random(seed, kSpeckle);
+  Sequence random(seed, kSpeckle);
   for (std::size_t i = 0; i < real.voxels.size(); ++i) {
-    const std::complex<double> pair = phantom::normal_pair(random.next());
+    const std::complex<double> pair = normal_pair(random.next());
     real.voxels[i] = static_cast<float>(pair.real());
     imaginary.voxels[i] = static_cast<float>(pair.imag());
   }
@@ -190,7 +190,7 @@ Isometry3d moved_apart(const Isometry3d& T_us_ct, const Grid& ct, const ScanGeom
                                                   (corner & 4) != 0 ? ct.size.z() - 1 : 0)));
   const Ball ct_ball = ball_around(ct_box);
   const Ball us_ball = ball_around(beam_grid(ultrasound).bounding_box());
-  const Vector3d direction = phantom::Sequence(seed, kApart).direction();
+  const Vector3d direction = Sequence(seed, kApart).direction();
   const double distance_mm = ct_ball.radius_mm + us_ball.radius_mm + gap_mm;
   return Eigen::Translation3d(us_ball.centre_mm + distance_mm * direction - ct_ball.centre_mm) *
          T_us_ct;

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "geometry/centroid.h"
-#include "phantom/random.h"
+#include "random.h"
 #include "require.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
@@ -14,7 +14,6 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-using phantom::Sequence;
 
 /// Purposes of random numbers, each of which has its own stream.
 enum Purpose : std::uint64_t { kMotion = 1, kMotionInBox, kDisplacements };

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "require.h"
 #include "us_ct_registration/evaluation/negative_cases.h"
 #include "us_ct_registration/geometry/angles.h"
@@ -117,7 +117,7 @@ class Planner {
           std::uint32_t study_seed, const StudyOptions& options)
       : cases_(cases), own_(own), kind_(kind), study_seed_(study_seed), options_(options) {
     const auto purpose = static_cast<std::uint64_t>(kind);
-    seed_ = phantom::hash(phantom::hash(study_seed, hash_of(cases[own].name)), purpose);
+    seed_ = hash(hash(study_seed, hash_of(cases[own].name)), purpose);
     const bool far = kind == TrialKind::kFarStart;
     displacements_mm_ = spread_displacements_mm(
         seed_, options.starts, far ? options.far_min_mm : options.min_displacement_mm,
@@ -137,7 +137,7 @@ class Planner {
     trial.us_case = trial.ct_case = own_;
     trial.study_seed = study_seed_;
     trial.index = index;
-    trial.seed = phantom::hash(seed_, static_cast<std::uint64_t>(index));
+    trial.seed = hash(seed_, static_cast<std::uint64_t>(index));
     const StudyCase& own = cases_[own_];
     Isometry3d T_us_ct = own.T_us_ct_true;
     if (!ct_cases_.empty()) {

@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "phantom/kidney.h"
-#include "phantom/random.h"
 #include "phantom/scenes.h"
+#include "random.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {

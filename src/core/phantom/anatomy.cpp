@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "phantom/random.h"
+#include "random.h"
 
 namespace usct::phantom {
 namespace {

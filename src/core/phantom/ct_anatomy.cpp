@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "phantom/ct_masks.h"
-#include "phantom/random.h"
 #include "phantom/scenes.h"
 #include "phantom/signed_distance.h"
+#include "random.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/volume/operations.h"
 #include "us_ct_registration/volume/sampling.h"

@@ -7,7 +7,7 @@
 #include "parallel.h"
 #include "phantom/check.h"
 #include "phantom/gaussian.h"
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/volume/operations.h"
 

@@ -4,8 +4,8 @@
 
 #include "phantom/ct_anatomy.h"
 #include "phantom/ct_masks.h"
-#include "phantom/random.h"
 #include "phantom/scenes.h"
+#include "random.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/geometry/angles.h"
 

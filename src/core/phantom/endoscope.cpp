@@ -7,9 +7,9 @@
 #include "phantom/check.h"
 #include "phantom/lens.h"
 #include "phantom/operating_field.h"
-#include "phantom/random.h"
 #include "phantom/scenes.h"
 #include "phantom/tissue_look.h"
+#include "random.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {

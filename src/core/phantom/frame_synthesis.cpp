@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "phantom/random.h"
+#include "random.h"
 
 namespace usct::phantom {
 namespace {

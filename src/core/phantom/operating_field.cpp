@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "phantom/random.h"
 #include "phantom/signed_distance.h"
+#include "random.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/phantom/ct_formation.h"
 #include "us_ct_registration/volume/sampling.h"

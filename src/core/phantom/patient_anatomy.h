@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "phantom/kidney.h"
-#include "phantom/random.h"
 #include "phantom/tube_tree.h"
+#include "random.h"
 #include "us_ct_registration/phantom/anatomy.h"
 #include "us_ct_registration/phantom/phantom.h"
 

@@ -6,10 +6,10 @@
 #include "phantom/check.h"
 #include "phantom/deformation.h"
 #include "phantom/echo_formation.h"
-#include "phantom/random.h"
 #include "phantom/receiver.h"
 #include "phantom/scenes.h"
 #include "phantom/stage.h"
+#include "random.h"
 
 namespace usct::phantom {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "order_statistics.h"
-#include "phantom/random.h"
+#include "random.h"
 
 namespace usct::phantom {
 namespace {

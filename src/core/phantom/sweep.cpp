@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "phantom/check.h"
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/geometry/angles.h"
 
 namespace usct::phantom {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "phantom/random.h"
+#include "random.h"
 #include "us_ct_registration/error.h"
 
 namespace usct::phantom {

@@ -7,7 +7,7 @@
 
 /// Random numbers as functions of seed, purpose and place. They have no state, so that a value does
 /// not depend on the thread that computes it or on the order.
-namespace usct::phantom {
+namespace usct {
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): a bijection in which every bit of the input
 /// changes about half the bits of the output.
@@ -82,4 +82,4 @@ inline double smooth_noise(std::uint64_t seed, const Eigen::Vector3d& p) {
   return kToUnitVariance * sum;
 }
 
-}  // namespace usct::phantom
+}  // namespace usct
