@@ -83,7 +83,7 @@ void fused(benchmark::State& state, std::int64_t target, const SimulationOptions
   const ThreadCount threads(1);
   hwy::SetSupportedTargetsForTest(target);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  const auto similarity = make_simulated_lc2(c.ultrasound, {}, c.ct, options, {});
+  const auto similarity = make_simulated_lc2(c.ultrasound, c.ct, options, {});
   state.counters["lc2"] = similarity->evaluate(SimilarityPose{c.T_ct_us, {}}).value;
   for (auto _ : state)
     benchmark::DoNotOptimize(similarity->evaluate(SimilarityPose{c.T_ct_us, {}}));
@@ -106,7 +106,7 @@ void generation(benchmark::State& state) {
     poses.push_back({T, {}});
   }
   std::vector<SimilarityValue> values(poses.size());
-  const auto similarity = make_simulated_lc2(c.ultrasound, {}, c.ct, {}, {});
+  const auto similarity = make_simulated_lc2(c.ultrasound, c.ct, {}, {});
   for (auto _ : state) {
     similarity->evaluate(poses.data(), poses.size(), values.data(), {});
     benchmark::DoNotOptimize(values.data());

@@ -101,8 +101,6 @@ class TissueTable {
 bool is_strong_reflector(Tissue tissue);
 bool is_gas(Tissue tissue);
 bool is_bone(Tissue tissue);
-/// Whether a tissue lies within the kidney's surface: cortex, medulla, sinus, lesions and so on.
-bool is_kidney_parenchyma(Tissue tissue);
 
 /// Reads a name of the table ("cortex", "perirenal_fat"). Throws InputError, naming `source`.
 Tissue parse_tissue(const std::string& name, const std::string& source);

@@ -40,20 +40,17 @@ class PoseParameters {
   /// the CT in the US frame by the rotation vector (rad) and the translation (mm) `derivative * x`,
   /// the rotation about the origin of the US frame.
   Eigen::Matrix<double, 6, 6> motion_derivative(const PoseVector& parameters) const;
-  PoseVector parameters_of(const Eigen::Isometry3d& T_us_ct) const;
   /// The numbers of the motion with rotation vector w about the centre and translation t.
   PoseVector parameters_of_motion(const Eigen::Vector3d& rotation_vector_rad,
                                   const Eigen::Vector3d& translation_mm) const;
 
   const Eigen::Isometry3d& T_us_ct_initial() const { return T_us_ct_initial_; }
   const Eigen::Vector3d& centre_us_mm() const { return centre_us_mm_; }
-  /// S, symmetric, rad/mm.
-  const Eigen::Matrix3d& rotation_scale() const { return rotation_scale_; }
 
  private:
   Eigen::Isometry3d T_us_ct_initial_;
   Eigen::Vector3d centre_us_mm_;
-  Eigen::Matrix3d rotation_scale_;
+  Eigen::Matrix3d rotation_scale_;  // S, symmetric, rad/mm
   Eigen::Matrix3d inverse_rotation_scale_;
 };
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "us_ct_registration/similarity/metric.h"
 #include "us_ct_registration/simulation/simulation.h"
 
@@ -34,9 +31,8 @@ std::shared_ptr<const Similarity> make(SimilarityImages& images,
 /// neighbouring lines, with the widest instructions of the processor. An evaluation uses one
 /// thread.
 ///
-/// `excluded` (empty, or one per sample) is not 0 where a sample must not count, as in
-/// ConditionedUltrasound::reasons; unknown samples do not count either. Where `fit_to_ultrasound`
-/// gives no fit the value is NaN, and only the overlap is valid. Both images are copied.
+/// Unknown samples do not count. Where `fit_to_ultrasound` gives no fit the value is NaN, and only
+/// the overlap is valid. Both images are copied.
 ///
 /// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` is not
 /// 0, and for a transform that is not finite and rigid.
@@ -44,7 +40,6 @@ std::shared_ptr<const Similarity> make(SimilarityImages& images,
 /// Throws InputError if an image or an option is invalid, an ultrasound sample that counts is not
 /// finite, or the CT has more than 2^30 voxels.
 std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
-                                                     const std::vector<std::uint8_t>& excluded,
                                                      const CtVolume& ct,
                                                      const SimulationOptions& simulation,
                                                      const FitOptions& fit);

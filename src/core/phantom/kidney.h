@@ -45,7 +45,6 @@ class Kidney {
   /// Positions at which the main artery, vein and ureter leave: the ends of the pedicle.
   const Eigen::Vector3d& artery_end_mm() const { return artery_end_; }
   const Eigen::Vector3d& vein_end_mm() const { return vein_end_; }
-  const Eigen::Vector3d& half_axes_mm() const { return half_axes_; }
 
  private:
   struct Bump {

@@ -112,10 +112,6 @@ bool is_bone(Tissue tissue) {
   return tissue == Tissue::kCorticalBone || tissue == Tissue::kSpongyBone;
 }
 
-bool is_kidney_parenchyma(Tissue tissue) {
-  return tissue == Tissue::kCortex || tissue == Tissue::kMedulla;
-}
-
 Tissue parse_tissue(const std::string& name, const std::string& source) {
   std::string known;
   for (std::size_t i = 0; i < kPatient.size(); ++i) {

@@ -72,14 +72,6 @@ Eigen::Matrix<double, 6, 6> PoseParameters::motion_derivative(const PoseVector& 
   return derivative;
 }
 
-PoseVector PoseParameters::parameters_of(const Eigen::Isometry3d& T_us_ct) const {
-  const Eigen::Matrix3d rotation = T_us_ct.linear() * T_us_ct_initial_.linear().transpose();
-  const Eigen::Vector3d translation_mm =
-      T_us_ct.translation() - centre_us_mm_ -
-      rotation * (T_us_ct_initial_.translation() - centre_us_mm_);
-  return parameters_of_motion(rotation_vector_of(rotation), translation_mm);
-}
-
 PoseVector PoseParameters::parameters_of_motion(const Eigen::Vector3d& rotation_vector_rad,
                                                 const Eigen::Vector3d& translation_mm) const {
   PoseVector parameters;

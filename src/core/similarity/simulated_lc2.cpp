@@ -96,10 +96,10 @@ class SimulatedLc2 final : public Similarity {
  public:
   using Similarity::evaluate;
 
-  SimulatedLc2(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded,
-               const CtVolume& ct, const SimulationOptions& simulation, const FitOptions& fit)
+  SimulatedLc2(const BeamUltrasound& ultrasound, const CtVolume& ct,
+               const SimulationOptions& simulation, const FitOptions& fit)
       : beams_(ultrasound.beams),
-        ultrasound_(ultrasound, excluded),
+        ultrasound_(ultrasound),
         ct_(ct, simulation.window),
         scene_(described(simulation, fit.use_background)),
         transmission_length_mm_(simulation.transmission_length_mm),
@@ -218,12 +218,11 @@ void SimulatedLc2Options::validate(const std::string& source) const {
 
 std::shared_ptr<const Similarity> make(SimilarityImages& images,
                                        const SimulatedLc2Options& options) {
-  return make_simulated_lc2(images.ultrasound(), {}, images.recorded_ct(), options.simulation,
+  return make_simulated_lc2(images.ultrasound(), images.recorded_ct(), options.simulation,
                             options.fit);
 }
 
 std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultrasound,
-                                                     const std::vector<std::uint8_t>& excluded,
                                                      const CtVolume& ct,
                                                      const SimulationOptions& simulation,
                                                      const FitOptions& fit) {
@@ -234,7 +233,7 @@ std::shared_ptr<const Similarity> make_simulated_lc2(const BeamUltrasound& ultra
           "<= 2^30");
   simulation.validate();
   fit.validate();
-  return std::make_shared<SimulatedLc2>(ultrasound, excluded, ct, simulation, fit);
+  return std::make_shared<SimulatedLc2>(ultrasound, ct, simulation, fit);
 }
 
 }  // namespace usct

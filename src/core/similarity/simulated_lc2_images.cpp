@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "require.h"
-
 namespace usct::simulated_lc2 {
 
 DifferencedCt::DifferencedCt(const CtVolume& ct, const std::optional<HuWindow>& window)
@@ -50,17 +48,13 @@ PackedVoxel DifferencedCt::packed(const CtVolume& ct, const Eigen::Vector3i& ind
   return voxel;
 }
 
-BlockedUltrasound::BlockedUltrasound(const BeamUltrasound& ultrasound,
-                                     const std::vector<std::uint8_t>& excluded)
+BlockedUltrasound::BlockedUltrasound(const BeamUltrasound& ultrasound)
     : samples_(ultrasound.beams.samples()) {
   const std::size_t count = ultrasound.brightness.size();
-  require(excluded.empty() || excluded.size() == count, "excluded", "samples",
-          static_cast<double>(excluded.size()), "none or as many as the ultrasound has");
   std::vector<std::uint8_t> counts(count);
   double sum = 0.0;
   for (std::size_t i = 0; i < count; ++i)
-    if ((excluded.empty() || excluded[i] == 0) &&
-        (ultrasound.known.empty() || ultrasound.known[i] != 0)) {
+    if (ultrasound.known.empty() || ultrasound.known[i] != 0) {
       counts[i] = 1;
       ++usable_;
       sum += ultrasound.brightness[i];

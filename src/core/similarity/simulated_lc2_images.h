@@ -34,8 +34,7 @@ class DifferencedCt {
 /// at either end of a frame, as scan-converted ultrasound has them, are in no block.
 class BlockedUltrasound {
  public:
-  /// Throws InputError unless `excluded` is empty or has an entry for each sample.
-  BlockedUltrasound(const BeamUltrasound& ultrasound, const std::vector<std::uint8_t>& excluded);
+  explicit BlockedUltrasound(const BeamUltrasound& ultrasound);
 
   int blocks() const { return static_cast<int>(places_.size()); }
   int frame(int block) const { return places_[static_cast<std::size_t>(block)].frame; }

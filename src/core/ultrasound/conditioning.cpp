@@ -24,14 +24,14 @@ struct Statistics {
   double deviation = 0.0;
 };
 
-Statistics statistics(const std::vector<float>& values, const std::vector<std::uint8_t>& reasons) {
+Statistics statistics(const ConditionedUltrasound& us) {
   const auto sum_of = [&](const auto& term) {
-    return parallel_sum(values.size(), [&](std::size_t begin, std::size_t end) {
+    return parallel_sum(us.samples.size(), [&](std::size_t begin, std::size_t end) {
       // Additions to one sum would wait for each other.
       constexpr std::size_t kSums = 8;
       std::array<double, kSums> sums{};
       const auto add = [&](std::size_t sum, std::size_t i) {
-        sums[sum] += reasons[i] == 0 ? term(static_cast<double>(values[i])) : 0.0;
+        sums[sum] += us.reasons[i] == 0 ? term(static_cast<double>(us.samples[i])) : 0.0;
       };
       std::size_t i = begin;
       for (; i + kSums <= end; i += kSums)
@@ -40,7 +40,7 @@ Statistics statistics(const std::vector<float>& values, const std::vector<std::u
       return std::accumulate(sums.begin(), sums.end(), 0.0);
     });
   };
-  const auto count = static_cast<double>(std::count(reasons.begin(), reasons.end(), 0));
+  const auto count = static_cast<double>(us.counting());
   if (count == 0.0) return {};
   const double mean = sum_of([](double value) { return value; }) / count;
   const double squares = sum_of([&](double value) { return (value - mean) * (value - mean); });
@@ -191,7 +191,7 @@ ConditionedUltrasound condition(const BeamUltrasound& ultrasound,
   report(0.2);
   result.samples = ultrasound.brightness;
   const bool in_deviations = options.normalisation != Normalisation::kNone;
-  const Statistics all = statistics(result.samples, result.reasons);
+  const Statistics all = statistics(result);
   if (all.deviation <= kConstantShare * std::abs(all.mean))
     for (std::uint8_t& reasons : result.reasons)
       if (reasons == 0) reasons = kConstant;

@@ -212,9 +212,10 @@ TEST(FromCt, ARealPatientsKidneyIsSeenFromOutside) {
     const Scene scene = make_ct_scene(1, ct, labels, from_ct, {});
     const Vector3d contact = scene.T_ct_probe.translation();
     EXPECT_EQ(scene.anatomy->tissue(contact), Tissue::kAir);
-    EXPECT_TRUE(is_kidney_parenchyma(scene.anatomy->tissue(
-        scene.kidney_surface_ct_mm[200] +
-        0.1 * (scene.kidney_centre_ct_mm - scene.kidney_surface_ct_mm[200]))));
+    const Vector3d on_surface = scene.kidney_surface_ct_mm[200];
+    const Tissue below =
+        scene.anatomy->tissue(on_surface + 0.1 * (scene.kidney_centre_ct_mm - on_surface));
+    EXPECT_TRUE(below == Tissue::kCortex || below == Tissue::kMedulla);
     // Most of the kidney is reached without meeting bone or gas.
     int reached = 0;
     for (const Vector3d& target : scene.kidney_surface_ct_mm) {
