@@ -2,6 +2,8 @@
 
 #include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -21,6 +23,12 @@ namespace usct {
 using SimilarityOptions =
     std::variant<LocalLc2Options, GlobalLc2Options, NccOptions, MattesMiOptions, NmiOptions,
                  CorrelationRatioOptions, JointCorrelationRatioOptions, SimulatedLc2Options>;
+
+/// Whether the options of a metric have PatchOptions.
+template <typename Metric, typename = void>
+constexpr bool has_patches = false;
+template <typename Metric>
+constexpr bool has_patches<Metric, std::void_t<decltype(std::declval<Metric>().patches)>> = true;
 
 /// The name of the metric in files.
 const char* similarity_name(const SimilarityOptions& options);

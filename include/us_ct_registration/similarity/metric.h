@@ -33,4 +33,12 @@ struct SimilarityNeeds {
   bool has_derivatives = false;
 };
 
+/// What all metrics on patches need: the patches, which follow every acquisition error.
+inline SimilarityNeeds needs_of_patches() {
+  SimilarityNeeds needs;
+  needs.patches = true;
+  needs.follows_depth_error = needs.follows_sweep_error = true;
+  return needs;
+}
+
 }  // namespace usct

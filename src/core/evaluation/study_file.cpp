@@ -97,11 +97,6 @@ StudyOptions read_starts(const YAML::Node& node, const std::string& source) {
   return starts;
 }
 
-template <typename Metric, typename = void>
-constexpr bool has_patches = false;
-template <typename Metric>
-constexpr bool has_patches<Metric, std::void_t<decltype(std::declval<Metric>().patches)>> = true;
-
 /// Another metric with its default options, in the same patches if both have some.
 SimilarityOptions replaced(const SimilarityOptions& old, SimilarityOptions metric) {
   if (metric.index() == old.index()) return old;

@@ -48,8 +48,7 @@ SimilarityNeeds needs_of(const SimilarityOptions& options) {
 SimilarityOptions on_samples(SimilarityOptions options, SampleSubset samples) {
   std::visit(
       [&](auto& metric) {
-        using Metric = std::decay_t<decltype(metric)>;
-        if constexpr (!std::is_same_v<Metric, SimulatedLc2Options>)
+        if constexpr (has_patches<decltype(metric)>)
           metric.patches.samples = std::max(metric.patches.samples, samples);  // fewest last
       },
       options);

@@ -57,12 +57,7 @@ class CorrelationRatio final : public PoseByPose {
 
 }  // namespace
 
-SimilarityNeeds CorrelationRatioOptions::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
-  return needs;
-}
+SimilarityNeeds CorrelationRatioOptions::needs() const { return needs_of_patches(); }
 
 void CorrelationRatioOptions::validate(const std::string& source) const {
   patches.validate(source);

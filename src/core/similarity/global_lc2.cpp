@@ -26,10 +26,8 @@ class GlobalLc2 final : public PoseByPose {
 }  // namespace
 
 SimilarityNeeds GlobalLc2Options::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
+  SimilarityNeeds needs = needs_of_patches();
   needs.beams = channel == GradientChannel::kAlongBeam;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
   return needs;
 }
 

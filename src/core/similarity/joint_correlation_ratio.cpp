@@ -83,9 +83,7 @@ class JointCorrelationRatio final : public PoseByPose {
 }  // namespace
 
 SimilarityNeeds JointCorrelationRatioOptions::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
+  SimilarityNeeds needs = needs_of_patches();
   needs.has_derivatives = true;
   return needs;
 }

@@ -294,10 +294,9 @@ class LocalLc2 final : public PoseByPose {
 }  // namespace
 
 SimilarityNeeds LocalLc2Options::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = needs.has_parts = true;
+  SimilarityNeeds needs = needs_of_patches();
+  needs.has_parts = true;
   needs.beams = channel == GradientChannel::kAlongBeam;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
   needs.has_derivatives = channel == GradientChannel::kMagnitude;
   return needs;
 }

@@ -25,12 +25,7 @@ class MattesMi final : public PoseByPose {
 
 }  // namespace
 
-SimilarityNeeds MattesMiOptions::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
-  return needs;
-}
+SimilarityNeeds MattesMiOptions::needs() const { return needs_of_patches(); }
 
 void MattesMiOptions::validate(const std::string& source) const {
   patches.validate(source);

@@ -25,12 +25,7 @@ class Ncc final : public PoseByPose {
 
 }  // namespace
 
-SimilarityNeeds NccOptions::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
-  return needs;
-}
+SimilarityNeeds NccOptions::needs() const { return needs_of_patches(); }
 
 void NccOptions::validate(const std::string& source) const { patches.validate(source); }
 

@@ -25,12 +25,7 @@ class Nmi final : public PoseByPose {
 
 }  // namespace
 
-SimilarityNeeds NmiOptions::needs() const {
-  SimilarityNeeds needs;
-  needs.patches = true;
-  needs.follows_depth_error = needs.follows_sweep_error = true;
-  return needs;
-}
+SimilarityNeeds NmiOptions::needs() const { return needs_of_patches(); }
 
 void NmiOptions::validate(const std::string& source) const {
   patches.validate(source);
