@@ -37,14 +37,14 @@ Table negatives_table(const std::vector<StudyRun>& runs);
 /// Expected against physical errors; no row if no run has both.
 Table calibration_table(const std::vector<StudyRun>& runs);
 
-/// Methods by rows, from starts near the truth: rates and errors with intervals over cases, of all
-/// runs, by bins of displacement, by group, and by case.
+/// Methods by rows, from starts near the truth: rates and errors with intervals over subjects, of
+/// all runs, by bins of displacement, by group, and by case.
 Table methods_table(const Study& study, const std::vector<StudyRun>& runs);
 Table bins_table(const Study& study, const std::vector<StudyRun>& runs);
 Table groups_table(const Study& study, const std::vector<StudyRun>& runs);
 Table cases_table(const Study& study, const std::vector<StudyRun>& runs);
 
-/// Pairs of methods, compared case by case.
+/// Pairs of methods, compared subject by subject.
 Table comparisons_table(const Study& study, const std::vector<StudyRun>& runs);
 
 /// Seconds, evaluations and memory of each method.

@@ -8,6 +8,7 @@
 
 #include "us_ct_registration/evaluation/perturbation.h"
 #include "us_ct_registration/evaluation/study_case.h"
+#include "us_ct_registration/geometry/angles.h"
 
 /// The trials of a study: which images are registered, and from which start.
 namespace usct {
@@ -67,7 +68,7 @@ struct StudyOptions {
   double max_displacement_mm = 30.0;
   int bins = 3;
   /// Largest rotation of a start.
-  double max_rotation_rad = 0.5235987755982988;  // 30 degrees
+  double max_rotation_rad = 30.0 * kDegree;
   /// If set, starts are drawn from this box and not by displacement.
   std::optional<MotionBox> box;
   /// The kinds of the trials, each at most once; not empty.

@@ -51,7 +51,8 @@ struct RegistrationResult {
   /// Distinct optima: the pose that was judged, then the others, best first. The kidney is nearly
   /// symmetric, so a second pose may score almost as well.
   std::vector<RegistrationCandidate> candidates;
-  /// The measures that the gates judged, and the errors that the refinement estimated.
+  /// The measures that the gates judged, and the errors that the check of the acquisition
+  /// estimated.
   Measures measures;
   int evaluations = 0;
   /// Wall time per step, s: `ultrasound`, `ct`, `search`, `refinement`, `confidence`; `tracking` if

@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/registration/registration_options.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
@@ -14,7 +15,7 @@ namespace usct {
 /// How far and how finely profiles go.
 struct ProfileOptions {
   double reach_mm = 15.0;
-  double reach_rad = 0.2617993877991494;  // 15 degrees
+  double reach_rad = 15.0 * kDegree;
   /// Offsets on either side of the pose.
   int steps = 20;
 

@@ -54,15 +54,16 @@ class Similarity {
   virtual ~Similarity() = default;
 
   /// Fills `values[i]` for `poses[i]`, i in [0, count). The threads share several poses among them;
-  /// for a single pose they share the parts of the ultrasound. `check` is called now and then, from
-  /// several threads, and may throw to cancel.
+  /// a single pose they share only for local_lc2, patch by patch, and for simulated_lc2, by lines
+  /// of the ultrasound. `check` is called now and then, from several threads, and may throw to
+  /// cancel.
   virtual void evaluate(const SimilarityPose* poses, std::size_t count, SimilarityValue* values,
                         const Check& check) const = 0;
 
   /// Value and derivatives at a pose, of a similarity that has derivatives
-  /// (SimilarityNeeds::has_derivatives). The threads share the patches. Where the value is not
-  /// above `above`, a similarity that knows it first spares the derivatives, since a climb does not
-  /// go there.
+  /// (SimilarityNeeds::has_derivatives). For local_lc2 the threads share the patches. Where the
+  /// value is not above `above`, a similarity that knows it first spares the derivatives, since a
+  /// climb does not go there.
   virtual std::optional<SimilarityDerivatives> derivatives(const SimilarityPose& /*pose*/,
                                                            DerivativeOrder /*order*/,
                                                            double /*above*/) const {

@@ -28,14 +28,14 @@ std::shared_ptr<const Similarity> make(SimilarityImages& images,
 
 /// The value of `simulate_components` and `fit_to_ultrasound` (see there) in one pass without
 /// intermediate images, in single precision except for the sums. The lanes of SIMD vectors hold
-/// neighbouring lines, with the widest instructions of the processor. An evaluation uses one
-/// thread.
+/// neighbouring lines, with the widest instructions of the processor, and the threads share groups
+/// of lines.
 ///
 /// Unknown samples do not count. Where `fit_to_ultrasound` gives no fit the value is NaN, and only
 /// the overlap is valid. Both images are copied.
 ///
-/// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` is not
-/// 0, and for a transform that is not finite and rigid.
+/// AcquisitionErrors: `depth` only (finite, > -1). Evaluating throws InputError if `sweep` or
+/// `unevenness` is not 0, and for a transform that is not finite and rigid.
 ///
 /// Throws InputError if an image or an option is invalid, an ultrasound sample that counts is not
 /// finite, or the CT has more than 2^30 voxels.
