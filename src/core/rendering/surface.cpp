@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "module.h"
@@ -213,12 +215,16 @@ std::string loss_of(const Surface& surface, const Grid& grid, const LabelExtent&
 }  // namespace
 
 std::map<int, Surface> label_surfaces(const LabelVolume& labels, std::size_t most_triangles) {
-  std::map<int, Surface> surfaces;
-  for (const auto& [label, extent] : extents_of(labels))
-    surfaces[label] = bounded_surface(Field<std::uint16_t>{labels, extent.region, is_label, label,
-                                                           0.5F, 0.0F, Smoothing::kAlways},
-                                      most_triangles);
-  return surfaces;
+  const std::map<int, LabelExtent> extents = extents_of(labels);
+  std::vector<std::pair<int, Surface>> surfaces;
+  for (const auto& [label, extent] : extents) surfaces.emplace_back(label, Surface());
+  parallel_for(static_cast<int>(surfaces.size()), [&](int i) {
+    auto& [label, surface] = surfaces[static_cast<std::size_t>(i)];
+    surface = bounded_surface(Field<std::uint16_t>{labels, extents.at(label).region, is_label,
+                                                   label, 0.5F, 0.0F, Smoothing::kAlways},
+                              most_triangles);
+  });
+  return {std::make_move_iterator(surfaces.begin()), std::make_move_iterator(surfaces.end())};
 }
 
 std::string loss_warning(const LabelVolume& labels, const std::map<int, Surface>& surfaces,
