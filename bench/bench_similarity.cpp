@@ -5,9 +5,9 @@
 #include "finish.h"
 #include "similarity/packed_ct.h"
 #include "similarity/ultrasound_patches.h"
+#include "ultrasound/decimation.h"
 #include "us_ct_registration/similarity/catalogue.h"
 #include "us_ct_registration/ultrasound/conditioning.h"
-#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct {
 namespace {

@@ -1,4 +1,4 @@
-#include "us_ct_registration/evaluation/method_statistics.h"
+#include "evaluation/method_statistics.h"
 
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>

@@ -3,8 +3,8 @@
 #include <functional>
 #include <map>
 
+#include "evaluation/method_statistics.h"
 #include "evaluation/table_cells.h"
-#include "us_ct_registration/evaluation/method_statistics.h"
 #include "us_ct_registration/evaluation/study_tables.h"
 
 namespace usct {

@@ -1,4 +1,4 @@
-#include "us_ct_registration/evaluation/negative_cases.h"
+#include "evaluation/negative_cases.h"
 
 #include <algorithm>
 #include <cmath>

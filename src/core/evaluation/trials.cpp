@@ -5,9 +5,9 @@
 #include <cmath>
 #include <set>
 
+#include "evaluation/negative_cases.h"
 #include "random.h"
 #include "require.h"
-#include "us_ct_registration/evaluation/negative_cases.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/registration/pose_parameters.h"
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ultrasound/decimation.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
-#include "us_ct_registration/ultrasound/decimation.h"
 #include "us_ct_registration/volume/sampling.h"
 
 namespace usct {

@@ -1,4 +1,4 @@
-#include "us_ct_registration/ultrasound/decimation.h"
+#include "ultrasound/decimation.h"
 
 #include <algorithm>
 #include <cmath>

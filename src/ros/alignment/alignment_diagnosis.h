@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct::ros_interface {
 

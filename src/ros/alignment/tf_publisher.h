@@ -16,7 +16,7 @@
 
 #include "ros/alignment/alignment_broadcaster.h"
 #include "ros/tf/tf_watch.h"
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct::ros_interface {
 

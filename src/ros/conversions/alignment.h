@@ -10,7 +10,7 @@
 #include <optional>
 #include <string>
 
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 #include "us_ct_registration/registration/registration_result.h"
 
 namespace usct::ros_interface {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ros/tf/fixed_frame.h"
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 #include "us_ct_registration/ultrasound/beam_ultrasound.h"
 #include "us_ct_registration/volume/volume.h"
 

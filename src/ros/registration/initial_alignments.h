@@ -14,7 +14,7 @@
 
 #include "ros/registration/held_volumes.h"
 #include "ros/tf/fixed_frame.h"
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct::ros_interface {
 

@@ -9,7 +9,7 @@
 
 #include "ros/node/refusal.h"
 #include "ros/registration/held_images.h"
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct::ros_interface {
 

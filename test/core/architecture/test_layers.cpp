@@ -33,7 +33,7 @@ const std::map<std::string, std::set<std::string>>& allowed() {
                                             {"volume"},
                                             {"ultrasound"},
                                             {"simulation"},
-                                            {"similarity", "optimizer"},
+                                            {"similarity", "optimizer", "alignment"},
                                             {"registration"},
                                             {"io"},
                                             {"baselines", "phantom", "rendering"},
@@ -44,6 +44,7 @@ const std::map<std::string, std::set<std::string>>& allowed() {
       below.insert(beside.begin(), beside.end());
     }
     result["optimizer"] = {"base"};
+    result["alignment"] = {"base", "geometry"};
     // The phantom judges a registration that simulates ultrasound; with shared code both could have
     // the same error.
     for (const char* judged : {"simulation", "similarity", "optimizer", "registration"})

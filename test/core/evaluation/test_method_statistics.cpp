@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/evaluation/small_study.h"
-#include "us_ct_registration/evaluation/method_statistics.h"
+#include "evaluation/method_statistics.h"
 #include "us_ct_registration/evaluation/study_tables.h"
 
 namespace usct::test {

@@ -4,7 +4,7 @@
 
 #include "core/evaluation/small_study.h"
 #include "core/io/expect_input_error.h"
-#include "us_ct_registration/evaluation/negative_cases.h"
+#include "evaluation/negative_cases.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 

@@ -5,7 +5,7 @@
 
 #include "core/evaluation/small_study.h"
 #include "core/io/expect_input_error.h"
-#include "us_ct_registration/evaluation/negative_cases.h"
+#include "evaluation/negative_cases.h"
 #include "us_ct_registration/evaluation/trials.h"
 #include "us_ct_registration/geometry/target_errors.h"
 

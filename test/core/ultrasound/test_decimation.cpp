@@ -6,8 +6,8 @@
 #include "core/geometry/random_geometry.h"
 #include "core/simulation/simple_scenes.h"
 #include "core/ultrasound/sample_index.h"
+#include "ultrasound/decimation.h"
 #include "us_ct_registration/error.h"
-#include "us_ct_registration/ultrasound/decimation.h"
 #include "with_threads.h"
 
 namespace usct::test {

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "core/ultrasound/turning_sweeps.h"
+#include "ultrasound/decimation.h"
 #include "ultrasound/gaussian_sums.h"
 #include "ultrasound/moving_place.h"
-#include "us_ct_registration/ultrasound/decimation.h"
 
 namespace usct::test {
 namespace {

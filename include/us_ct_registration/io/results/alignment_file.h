@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct {
 

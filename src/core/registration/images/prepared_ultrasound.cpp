@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "us_ct_registration/ultrasound/decimation.h"
+#include "ultrasound/decimation.h"
 
 namespace usct::registration {
 namespace {

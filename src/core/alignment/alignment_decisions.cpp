@@ -1,4 +1,4 @@
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 #include <cmath>
 

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "us_ct_registration/registration/alignment_decisions.h"
+#include "us_ct_registration/alignment/alignment_decisions.h"
 
 namespace usct {
 namespace {
