@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <nlohmann/json.hpp>
+#include <regex>
 
 #include "core/io/bad_files.h"
 #include "core/io/file_size_limit.h"
@@ -383,6 +385,27 @@ TEST(TransformIo, ManyThreadsAtOnce) {
       return worst;
     }));
   for (auto& task : tasks) EXPECT_LT(task.get(), 1e-12);
+}
+
+/// `usct info` prints what rosservice takes: metres, the quaternion with its real part last.
+TEST(TransformIo, IsDescribedAsARequestOfTheRosInterface) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "start.tfm";
+  Eigen::Isometry3d T_us_ct(Eigen::AngleAxisd(2.5, Eigen::Vector3d(0.3, -2.1, 1.4).normalized()));
+  T_us_ct.translation() = Eigen::Vector3d(258.5, 97.25, -76.125);
+  write_T_us_ct(T_us_ct, path);
+  const std::string request =
+      nlohmann::json::parse(describe_transform(path)).at("set_initial_alignment");
+  EXPECT_EQ(request.find("{type: 1, header: {frame_id: us}, transform: {translation: {x: "), 0U);
+  static const std::regex kNumber("[xyzw]: ([^,}]+)");
+  std::vector<double> numbers;
+  for (std::sregex_iterator at(request.begin(), request.end(), kNumber), end; at != end; ++at)
+    numbers.push_back(std::stod((*at)[1]));
+  ASSERT_EQ(numbers.size(), 7U);
+  const Eigen::Vector3d t_mm = 1000.0 * Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
+  const Eigen::Quaterniond q(numbers[6], numbers[3], numbers[4], numbers[5]);
+  EXPECT_LT((t_mm - T_us_ct.translation()).norm(), 1e-4);
+  EXPECT_LT((q.toRotationMatrix() - T_us_ct.linear()).norm(), 1e-9);
 }
 
 }  // namespace

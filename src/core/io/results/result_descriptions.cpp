@@ -1,4 +1,5 @@
 #include "io/description.h"
+#include "us_ct_registration/formatted.h"
 #include "us_ct_registration/geometry/angles.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/result_io.h"
@@ -7,6 +8,22 @@
 namespace usct {
 
 using io::Json;
+
+namespace {
+
+/// What the ROS service set_initial_alignment takes for this pose, in YAML, of ultrasound whose
+/// frame in tf is `us`; m.
+std::string request_of(const Eigen::Isometry3d& T_us_ct) {
+  constexpr double kMPerMm = 1e-3;
+  const Eigen::Vector3d t_m = kMPerMm * T_us_ct.translation();
+  const Eigen::Quaterniond q(T_us_ct.linear());
+  return formatted(
+      "{type: 1, header: {frame_id: us}, transform: {translation: {x: %.9g, y: %.9g, z: %.9g}, "
+      "rotation: {x: %.12g, y: %.12g, z: %.12g, w: %.12g}}}",
+      t_m.x(), t_m.y(), t_m.z(), q.x(), q.y(), q.z(), q.w());
+}
+
+}  // namespace
 
 std::string describe_transform(const std::filesystem::path& path) {
   const Eigen::Isometry3d T_us_ct = read_T_us_ct(path);
@@ -19,6 +36,7 @@ std::string describe_transform(const std::filesystem::path& path) {
   }
   json["rotation_deg"] = Eigen::AngleAxisd(T_us_ct.linear()).angle() / kDegree;
   json["translation_mm"] = T_us_ct.translation().norm();
+  json["set_initial_alignment"] = request_of(T_us_ct);
   return io::as_text(json);
 }
 
