@@ -1,8 +1,12 @@
 #!/usr/bin/python3
-"""scripts/study_cases: makes the cases that each study in studies/ names, once, with options that `usct phantom` has."""
+"""scripts/study_cases: makes the cases that each study in studies/ names, once, with options that `usct phantom` has.
+
+scripts/study_slurm: says so where there is no Slurm, before it makes anything.
+"""
 import fnmatch
 import os
 import pathlib
+import shutil
 import subprocess
 import tempfile
 import unittest
@@ -75,6 +79,22 @@ class StudyCases(unittest.TestCase):
         done = self.make("comparison", USCT="no_such_tool")
         self.assertEqual(done.returncode, 1)
         self.assertIn("USCT", done.stderr)
+
+
+class StudySlurm(unittest.TestCase):
+    def test_without_slurm_nothing_is_made(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "study.yaml").write_text("cases: [a]\n")
+            tools = folder / "tools"
+            tools.mkdir()
+            for tool in ("bash", "realpath", "dirname", "basename", "mkdir"):
+                (tools / tool).symlink_to(shutil.which(tool))
+            done = subprocess.run([shutil.which("bash"), PROJECT / "scripts/study_slurm", folder / "study.yaml", "2"],
+                                  capture_output=True, text=True, env={"PATH": str(tools), "USCT": "/bin/true"})
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("sbatch is not on the path", done.stderr)
+            self.assertFalse((folder / "study").exists())
 
 
 if __name__ == "__main__":

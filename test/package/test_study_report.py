@@ -219,9 +219,20 @@ class StudyReport(unittest.TestCase):
     def test_refuses_what_is_no_study(self):
         for text in ["", "[]", "{}", '{"runs": [{}]}']:
             done = self.report(text)
-            self.assertEqual(done.returncode, 1)
+            self.assertEqual(done.returncode, 2)
             self.assertFalse((self.folder / "out").exists())
-            self.assertIn("study.json: is not the JSON of a study", done.stderr)
+            self.assertIn("study.json: is not the JSON of a study: ", done.stderr)
+            self.assertNotIn("Error(", done.stderr)
+
+    def test_a_folder_or_a_missing_file_is_named_in_words(self):
+        self.assertEqual(self.report(json.dumps(study([run(1.5)]))).returncode, 0)
+        for argument, words in ((self.folder, f"is a folder, must be the study.json that `usct study` writes: "
+                                 f"{self.folder / 'study.json'}"),
+                                (self.folder / "absent.json", "absent.json: does not exist, must be the study.json")):
+            done = subprocess.run([SCRIPT, argument], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(words, done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
 
 if __name__ == "__main__":
