@@ -14,7 +14,7 @@ void BeamCommandOptions::add_to(CLI::App& command) {
       ->add_option("--parallel-beams", parallel_beams_mm_,
                    "scan-convert to this spacing, mm, and let the beams run along an axis of that "
                    "(variant A of the thesis); needed by images whose beams are not known")
-      ->check(CLI::Range(0.05, 10.0));
+      ->check(within(0.05, 10.0));
   group
       ->add_option("--beam-axis", beam_axis_,
                    "of a Cartesian volume, or of --parallel-beams: +x, -x, +y, ...")

@@ -1,7 +1,6 @@
 #include "convert_ultrasound.h"
 
 #include <limits>
-#include <map>
 
 #include "commands.h"
 #include "inputs.h"
@@ -87,7 +86,7 @@ void UltrasoundConversion::add_to(CLI::App& command) {
       group->add_option("--scan-convert", scan_convert_mm,
                         "spacing in mm of a Cartesian volume in the US frame; without it the beams "
                         "are kept");
-  spacing->check(CLI::Range(0.05, 20.0));
+  spacing->check(within(0.05, 20.0));
   writes(group->add_option("--mask", mask,
                            "also write the validity mask (255 inside the scanned region)"))
       ->needs(spacing);
@@ -95,8 +94,8 @@ void UltrasoundConversion::add_to(CLI::App& command) {
       "--normalise", normalisation,
       "float volume: 'flattened', minus the local mean, in standard deviations of the whole; "
       "'z-score', minus the local mean, over the local standard deviation");
-  normalise->needs(spacing)->transform(CLI::CheckedTransformer(std::map<std::string, Normalisation>{
-      {"flattened", Normalisation::kFlatten}, {"z-score", Normalisation::kZScore}}));
+  normalise->needs(spacing)->transform(named<Normalisation>(
+      {{"flattened", Normalisation::kFlatten}, {"z-score", Normalisation::kZScore}}));
   group->add_option("--smoothing", smoothing_mm, "Gaussian against speckle, before --normalise, mm")
       ->needs(normalise)
       ->capture_default_str();

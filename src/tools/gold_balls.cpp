@@ -92,7 +92,7 @@ void add_gold_balls(CLI::App& gold, Run& run) {
       ->add_option("--count", options->count,
                    "number of balls: of the ultrasound's echoes, those that stand out most; else "
                    "another number is an error")
-      ->check(CLI::Range(1, 1000));
+      ->check(within(1, 1000));
   command
       ->add_option("--least-hu", options->in_ct.least_contrast_hu,
                    "CT: mean HU above the surroundings, within the diameter, that make a ball")

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "landmark_warning.h"
+#include "option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -42,7 +43,7 @@ void InitialPose::add_to(CLI::App& command) {
       "middle of the ultrasound");
   landmarks->expected(2)->excludes(transform)->excludes(direction);
   direction->expected(2)->excludes(transform)->check(
-      CLI::IsMember({"left", "right", "anterior", "posterior", "superior", "inferior"}));
+      one_of({"left", "right", "anterior", "posterior", "superior", "inferior"}));
 }
 
 Isometry3d InitialPose::T_us_ct(const CtVolume& ct, const BeamGrid& beams) const {

@@ -1,5 +1,6 @@
 #include "option_checks.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -8,6 +9,7 @@
 #include "us_ct_registration/io/atomic_file.h"
 
 namespace usct::tools {
+
 CLI::Validator at_least(double least) {
   const std::string constraint = formatted(">= %g", least);
   // Text that is no number is refused by CLI11 itself, which knows the type, and NaN by
@@ -17,6 +19,27 @@ CLI::Validator at_least(double least) {
     return std::isnan(value) || value >= least ? "" : "is " + text + ", must be " + constraint;
   };
   return CLI::Validator(violation, constraint);
+}
+
+CLI::Validator within(double low, double high) {
+  const std::string range = formatted("%.10g to %.10g", low, high);
+  const auto violation = [=](std::string& text) {
+    char* end = nullptr;
+    const double value = std::strtod(text.c_str(), &end);
+    const bool is_number = !text.empty() && *end == '\0';
+    const bool is_in_range = is_number && (std::isnan(value) || (value >= low && value <= high));
+    return is_in_range ? "" : "is '" + text + "', must be from " + range;
+  };
+  return CLI::Validator(violation, range);
+}
+
+CLI::Validator one_of(const std::vector<std::string>& words) {
+  const std::string all = CLI::detail::join(words, ", ");
+  const auto violation = [=](std::string& text) {
+    const bool is_known = std::find(words.begin(), words.end(), text) != words.end();
+    return is_known ? "" : "is '" + text + "', must be one of " + all;
+  };
+  return CLI::Validator(violation, "{" + CLI::detail::join(words, ",") + "}");
 }
 
 void all_need(CLI::Option* first, CLI::App& group) {

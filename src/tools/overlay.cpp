@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/camera_file.h"
@@ -135,13 +136,13 @@ void add_overlay_command(CLI::App& app, Run& run) {
       "name of a structure that gets an uncertainty band; several times for more");
   command->add_option("--bound", options->bound_mm, "radius of the band, mm")
       ->needs(band)
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(within(0.0, 1000.0))
       ->capture_default_str();
   command->add_option("--opacity", options->opacity, "opacity of the fill")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(within(0.0, 1.0))
       ->capture_default_str();
   command->add_option("--triangles", options->triangles, "greatest number per surface")
-      ->check(CLI::Range(1000, 2000000))
+      ->check(within(1000, 2000000))
       ->capture_default_str();
   command->callback([options, &run] { run = [options] { return run_overlay(*options); }; });
 }

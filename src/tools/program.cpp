@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "exit_status.h"
+#include "parse_errors.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/temporary_path.h"
 
@@ -115,7 +116,7 @@ int parse_and_run(CLI::App& app, const Run& run, int argc, char** argv) {
   } catch (const CLI::Success& success) {  // --help, --version
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
-    app.exit(error);
+    std::fprintf(stderr, "usct: error: %s\n", refusal_of(app, error).c_str());
     return kBadInput;
   }
   require_finite_numbers(app);

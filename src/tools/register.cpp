@@ -284,7 +284,7 @@ void add_how(CLI::App& sub, RegisterCommand& command) {
                   "starts have every orientation, not only those near the initial pose");
   group->add_option("--seed", command.seed, "of everything random [that of the options]");
   group->add_option("--threads", command.threads, "[all]; does not change the result")
-      ->check(CLI::Range(1, 1024));
+      ->check(within(1, 1024));
 }
 
 }  // namespace

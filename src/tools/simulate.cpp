@@ -160,8 +160,8 @@ void add_simulation_options(CLI::App& app, SimulateCommand& command) {
   group
       ->add_option("--log-compression", o.log_compression,
                    "eq 4.7 of the reflection, or of the intensity as printed")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, LogCompression>{
-          {"reflection", LogCompression::kReflection}, {"intensity", LogCompression::kIntensity}}));
+      ->transform(named<LogCompression>({{"reflection", LogCompression::kReflection},
+                                         {"intensity", LogCompression::kIntensity}}));
   group->add_option("--log-a", o.log_a, "a of eq 4.7")->capture_default_str();
   group->add_option("--reflection-scale", o.reflection_scale, "factor on r before eq 4.7")
       ->capture_default_str();
@@ -181,10 +181,9 @@ void add_conditioning_options(CLI::App& app, SimulateCommand& command) {
   CLI::App* group = app.add_option_group("Conditioning of the ultrasound");
   ConditioningOptions& o = command.conditioning;
   group->add_option("--fit-to", command.fit_to, "what the simulation is fitted to")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Normalisation>{{"brightness", Normalisation::kNone},
-                                               {"flattened", Normalisation::kFlatten},
-                                               {"z-score", Normalisation::kZScore}}));
+      ->transform(named<Normalisation>({{"brightness", Normalisation::kNone},
+                                        {"flattened", Normalisation::kFlatten},
+                                        {"z-score", Normalisation::kZScore}}));
   CLI::Option* depth =
       group->add_option("--depth", command.depth_mm, "depths that count, mm [found]")->expected(2);
   CLI::Option* all_depths = group->add_flag("--no-auto-depth", command.no_auto_depth,
@@ -220,7 +219,7 @@ void add_simulate_command(CLI::App& app, Run& run) {
   sub->add_option("--output", command->output, "folder to make: absent or empty")->required();
   sub->add_option("--frame", command->frame, "frame to draw [the middle one]")->check(at_least(0));
   sub->add_option("--pixel", command->pixel_mm, "size of a pixel of the pictures, mm")
-      ->check(CLI::Range(0.05, 10.0))
+      ->check(within(0.05, 10.0))
       ->capture_default_str();
   add_simulation_options(*sub, *command);
   add_conditioning_options(*sub, *command);

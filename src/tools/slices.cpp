@@ -135,7 +135,7 @@ void add_slices_command(CLI::App& app, Run& run) {
                       "CSV x,y,z of points in the US frame (mm) to draw where they meet a plane; "
                       "the planes meet in their mean unless --at is given");
   command->add_option("--pixel", options->pixel_mm, "size of a pixel, mm")
-      ->check(CLI::Range(0.05, 10.0))
+      ->check(within(0.05, 10.0))
       ->capture_default_str();
   command->add_option("--window", options->window_hu, "HU drawn black and white")
       ->expected(2)

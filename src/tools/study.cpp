@@ -239,7 +239,7 @@ void add_start_options(CLI::App& app, StudyCommand& command) {
   for (CLI::Option* option : {box_mm, box_deg})
     option->excludes(low)->excludes(high)->excludes(angle);
   box_mm->check(at_least(0));
-  for (CLI::Option* option : {angle, box_deg}) option->check(CLI::Range(0.0, 180.0));
+  for (CLI::Option* option : {angle, box_deg}) option->check(within(0.0, 180.0));
   for (CLI::Option* option : {low, high, angle}) option->capture_default_str();
   for (CLI::Option* option : others) option->capture_default_str();
   command.of_cases.insert(command.of_cases.end(), {low, high, angle, box_mm, box_deg});
@@ -280,7 +280,7 @@ void add_method_options(CLI::App& app, StudyCommand& command) {
       "--parallel-beams", command.parallel_beams_mm,
       "register the scan-converted ultrasound, along parallel beams on a grid of this spacing, mm "
       "(the thesis' variant A)");
-  beams->check(CLI::Range(0.05, 10.0));
+  beams->check(within(0.05, 10.0));
   CLI::Option* alone =
       app.add_flag("--time", command.one_at_a_time,
                    "one registration after the other, each on all threads, for seconds that count");
@@ -329,7 +329,7 @@ void add_study_command(CLI::App& app, Run& run) {
   add_file_options(*sub, *command);
   sub->add_option("--threads", command->threads,
                   "registrations at the same time, each on one thread [all cores]")
-      ->check(CLI::Range(1, 1024));
+      ->check(within(1, 1024));
   sub->add_option(
       "--output", command->output,
       "of a study file: folder of the results [its name, below the root]; of cases: JSON "

@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "exit_status.h"
 #include "inputs.h"
+#include "option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/volumes/label_table.h"
@@ -113,7 +114,7 @@ void add_surfaces_command(CLI::App& app, Run& run) {
       ->needs(labels);
   command->add_option("--hu", options->hu, "CT value of the surface, HU")
       ->needs(ct)
-      ->check(CLI::Range(-1023.0, 32767.0))
+      ->check(within(-1023.0, 32767.0))
       ->capture_default_str();
   command
       ->add_option("--output", options->output,
@@ -121,7 +122,7 @@ void add_surfaces_command(CLI::App& app, Run& run) {
                    "case/ct.ply is written to case/ct_2_tumour.ply")
       ->required();
   command->add_option("--triangles", options->triangles, "greatest number per surface")
-      ->check(CLI::Range(1000, 2000000))
+      ->check(within(1000, 2000000))
       ->capture_default_str();
   command->callback([options, &run] { run = [options] { return run_surfaces(*options); }; });
 }

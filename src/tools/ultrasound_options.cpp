@@ -1,6 +1,5 @@
 #include "ultrasound_options.h"
 
-#include <map>
 #include <vector>
 
 #include "inputs.h"
@@ -69,10 +68,9 @@ void UltrasoundOptions::add_compounding_to(CLI::App& command) {
                    "bridge gaps between frames up to this distance on either side, mm")
       ->capture_default_str();
   tracked->add_option("--compounding", compounding_.compounding, "where several frames meet")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Compounding>{{"mean", Compounding::kMean},
-                                             {"maximum", Compounding::kMaximum},
-                                             {"latest", Compounding::kLatest}}));
+      ->transform(named<Compounding>({{"mean", Compounding::kMean},
+                                      {"maximum", Compounding::kMaximum},
+                                      {"latest", Compounding::kLatest}}));
 }
 
 const CompoundOptions& UltrasoundOptions::compounding(const Ultrasound& ultrasound) const {

@@ -247,7 +247,7 @@ void add_write(CLI::App& bag, Run& run) {
   sub->add_option(
          "--poses", command->poses,
          "where the poses of a tracked sweep go: messages, or tf (US frame -> array frame)")
-      ->check(CLI::IsMember({"messages", "tf"}))
+      ->check(one_of({"messages", "tf"}))
       ->capture_default_str();
   sub->add_option("--fixed-frame", options.fixed_frame, "name")->capture_default_str();
   sub->add_option("--us-frame", options.us_frame, "name")->capture_default_str();

@@ -73,7 +73,7 @@ TEST_F(Cli, HelpExplainsUnitsAndFramesAndSucceeds) {
 }
 
 TEST_F(Cli, BadArgumentsEndWithStatusTwo) {
-  expect_refused({}, "A subcommand is required");
+  expect_refused({}, "subcommand: is missing");
   expect_refused({"registre"}, "subcommand: is 'registre', must be one of info, convert");
   expect_refused({"gold", "ball"}, "subcommand: is 'ball', must be one of fiducials");
   expect_refused({"info"}, "path");
@@ -360,12 +360,12 @@ TEST_F(Cli, ANumberOutOfRangeIsRefusedInAFewWords) {
   frame.insert(frame.end(), {"--frame", "-1"});
   refused(frame, "--frame: is -1, must be >= 0");
   refused({"study", "case", "--box-mm", "-1"}, "--box-mm: is -1, must be >= 0");
-  refused({"study", "case", "--box-deg", "400"}, "--box-deg: Value 400 not in range 0");
+  refused({"study", "case", "--box-deg", "400"}, "--box-deg: is '400', must be from 0 to 180");
   refused({"study", "case", "--parallel-beams", "0"}, "--parallel-beams");
-  refused({"study", "case", "--threads", "0"}, "--threads: Value 0 not in range 1 to 1024");
+  refused({"study", "case", "--threads", "0"}, "--threads: is '0', must be from 1 to 1024");
   refused({"overlay", "--labels", "l.nrrd", "--camera", "c.yaml", "--pose", "p.tfm", "--output",
            path("out.png"), "--triangles", "5"},
-          "--triangles: Value 5 not in range 1000");
+          "--triangles: is '5', must be from 1000 to 2000000");
   refused({"presets", "--complete"}, "--complete requires name");
 }
 
