@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "exit_status.h"
+#include "option_keys.h"
 #include "parse_errors.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/temporary_path.h"
@@ -138,7 +139,7 @@ int run_program(CLI::App& app, const Run& run, int argc, char** argv) {
   try {
     return parse_and_run(app, run, argc, argv);
   } catch (const InputError& error) {
-    std::fprintf(stderr, "usct: error: %s\n", error.what());
+    std::fprintf(stderr, "usct: error: %s\n", with_option_names(app, error).c_str());
     return kBadInput;
   } catch (const std::filesystem::filesystem_error& error) {  // such as a folder nobody may read
     std::fprintf(stderr, "usct: error: %s: %s\n", error.path1().c_str(),

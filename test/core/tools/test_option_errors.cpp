@@ -99,5 +99,40 @@ TEST_F(OptionErrors, WhatIsMissingUnknownOrTooMuchIsNamed) {
   expect_error({"phantom", "--output", path("x"), "--labels", "l"}, "--labels requires --ct\n");
 }
 
+/// The core names its keys, which the command line does not have.
+TEST_F(OptionErrors, AKeyOfTheCoreIsNamedWithItsOption) {
+  expect_error({"phantom", "--output", path("x"), "--depth", "-5"},
+               "phantom options: 'depth_mm' (--depth) is -5, must be ");
+  expect_error({"phantom", "--output", path("x"), "--size", "3", "128", "81"},
+               "phantom options: 'samples' (--size) is 3, must be ");
+  std::vector<Eigen::Vector3d> helix;
+  for (int i = 0; i < 40; ++i) helix.emplace_back(20 * std::cos(i), 30 * std::sin(i), 2 * i);
+  write_points_mm(helix, path("points.csv"));
+  expect_error({"gold", "icp", path("points.csv"), path("points.csv"), "--iterations", "0"},
+               "ICP options: 'largest_iterations' (--iterations) is 0, must be ");
+  write_ct({0, 70, 0});
+  expect_error({"gold", "balls", path("ct.nrrd"), "--diameter", "0"},
+               "ball options: 'diameter_mm' (--diameter) is 0, must be ");
+}
+
+TEST_F(OptionErrors, AnErrorOfASeriesNamesTheOption) {
+  const auto tilted = data_root() / "dicom_gantry_tilt" / "gantry_tilt_GE_uneven";
+  USCT_REQUIRE_DATA(tilted);
+  const Outcome irregular = run_usct({"convert", tilted.string(), path("ct.nrrd"), "--quiet"});
+  expect_part(irregular, "'resample_irregular' (--resample-irregular) interpolates");
+  const Outcome other =
+      run_usct({"convert", tilted.string(), path("ct.nrrd"), "--series", "1.2.3", "--quiet"});
+  expect_part(other, "'series_uid' (--series) is '1.2.3', must be one of CT among");
+}
+
+/// A key of a file may be called like an option.
+TEST_F(OptionErrors, AKeyOfAFileIsNotTakenForAnOption) {
+  std::ofstream(path("options.yaml")) << "preset: patient\nseed: many\n";
+  const Outcome file = run_usct({"register", "--ct", "c", "--us", "u", "--options",
+                                 path("options.yaml"), "--output", path("o.json")});
+  expect_part(file, "'seed'");
+  EXPECT_EQ(file.errors.find("--seed"), std::string::npos) << file.errors;
+}
+
 }  // namespace
 }  // namespace usct::test

@@ -272,7 +272,7 @@ TEST_F(Study, BadArgumentsEndWithStatusTwo) {
     EXPECT_EQ(outcome.exit_status, 2) << outcome.errors;
     EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
   };
-  refused({"--starts", "0"}, "'starts' is 0");
+  refused({"--starts", "0"}, "'starts' (--starts) is 0");
   refused({"--box-mm", "4", "--max-displacement", "10"}, "excludes");
   refused({path("agar_3")}, "agar_3");
   refused({"--kinds", "noise,backwards"},
