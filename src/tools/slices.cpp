@@ -1,5 +1,6 @@
 #include "us_ct_registration/rendering/slices.h"
 
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <numeric>
@@ -16,6 +17,7 @@
 #include "us_ct_registration/io/results/result_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
 #include "us_ct_registration/rendering/result_marks.h"
+#include "us_ct_registration/volume/sampling.h"
 
 namespace usct::tools {
 namespace {
@@ -38,6 +40,16 @@ struct SlicesOptions {
 constexpr double kPointDistanceMm = 1.0;
 const Picture::Colour kPointColour(255, 60, 60);
 
+/// Whether the CT lies in a part of the plane.
+bool shows(const SlicePlane& plane, const CtVolume& ct, const Eigen::Isometry3d& T_us_ct) {
+  const Eigen::Isometry3d T_ct_us = T_us_ct.inverse();
+  for (int y = 0; y < plane.height; ++y)
+    for (int x = 0; x < plane.width; ++x)
+      if (contains_index(ct.grid, ct.grid.index_from_physical(T_ct_us * plane.point_mm(x, y))))
+        return true;
+  return false;
+}
+
 Eigen::Vector3d centre(const SlicesOptions& options, const Grid& grid,
                        const std::vector<Eigen::Vector3d>& points_us_mm) {
   if (!options.at_mm.empty()) return {options.at_mm[0], options.at_mm[1], options.at_mm[2]};
@@ -45,6 +57,29 @@ Eigen::Vector3d centre(const SlicesOptions& options, const Grid& grid,
   const Eigen::Vector3d sum =
       std::accumulate(points_us_mm.begin(), points_us_mm.end(), Eigen::Vector3d(0, 0, 0));
   return sum / static_cast<double>(points_us_mm.size());
+}
+
+/// Throws InputError if the CT lies in none of the planes, so that all of its pictures would be
+/// empty; warns if it lies in some only.
+void require_ct_in_planes(const SlicesOptions& options, const CtVolume& ct,
+                          const Eigen::Isometry3d& T_us_ct,
+                          const std::array<SlicePlane, 3>& planes) {
+  const std::string pose = !options.transform.empty() ? "by '" + options.transform + "'"
+                           : !options.result.empty()  ? "by '" + options.result + "'"
+                                                      : "without --transform or --result";
+  std::string without_ct;
+  std::size_t count = 0;
+  for (const SlicePlane& plane : planes) {
+    if (shows(plane, ct, T_us_ct)) continue;
+    ++count;
+    without_ct += (without_ct.empty() ? "" : ", ") + plane.name;
+  }
+  if (count == planes.size())
+    throw InputError(options.ct, "lies in none of the planes to draw " + pose +
+                                     ", must lie in one: check the pose, its direction (from US "
+                                     "to CT points) and --at");
+  if (count > 0)
+    print_warnings({options.ct + ": does not lie in the planes " + without_ct + " " + pose});
 }
 
 /// One row of the figure: ultrasound, CT, both blended, and both as a checkerboard.
@@ -91,9 +126,11 @@ int run_slices(const SlicesOptions& options) {
   std::vector<Eigen::Vector3d> points_us_mm;
   if (!options.points.empty()) points_us_mm = read_points_mm(options.points);
 
+  const std::array<SlicePlane, 3> planes = orthogonal_planes(
+      us.volume.grid, centre(options, us.volume.grid, points_us_mm), options.pixel_mm);
+  require_ct_in_planes(options, ct, pose.T_us_ct, planes);
   std::vector<std::vector<Picture>> rows;
-  for (const SlicePlane& plane : orthogonal_planes(
-           us.volume.grid, centre(options, us.volume.grid, points_us_mm), options.pixel_mm)) {
+  for (const SlicePlane& plane : planes) {
     rows.push_back(row(us, ct, pose.T_us_ct, {options.window_hu[0], options.window_hu[1]}, plane,
                        points_us_mm));
     if (pose.result) mark_if_refused(rows.back(), *pose.result);
@@ -121,7 +158,8 @@ void add_slices_command(CLI::App& app, Run& run) {
   add_dicom_options(*command, options->dicom);
   CLI::Option* transform =
       command->add_option("--transform", options->transform,
-                          "ITK transform from US to CT points, mm, LPS (identity if not given)");
+                          "ITK transform from US to CT points, mm, LPS (identity if not given: "
+                          "the CT must then lie in the US frame)");
   command
       ->add_option("--result", options->result,
                    "result of a registration, .json, in place of a transform; that of a refused "

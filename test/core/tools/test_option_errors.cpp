@@ -134,5 +134,33 @@ TEST_F(OptionErrors, AKeyOfAFileIsNotTakenForAnOption) {
   EXPECT_EQ(file.errors.find("--seed"), std::string::npos) << file.errors;
 }
 
+TEST_F(OptionErrors, SlicesWithoutTheCtAreRefusedOrWarnedOf) {
+  write_us();
+  const auto slices = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{
+        "slices",   "--us",        path("us.nrrd"), "--ct", path("ct.nrrd"),
+        "--output", path("s.png"), "--pixel",       "2",    "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_usct(arguments);
+  };
+  write_ct({0, 70, 0});
+  EXPECT_EQ(slices({}).errors, "");
+  const Outcome beside = slices({"--at", "0", "100", "0"});
+  EXPECT_EQ(beside.exit_status, 0);
+  expect_part(beside, "ct.nrrd: does not lie in the planes lateral / elevation without ");
+  std::filesystem::remove(path("s.png"));
+  write_ct({0, -300, 500});
+  const Outcome identity = slices({});
+  EXPECT_EQ(identity.exit_status, 2);
+  expect_part(identity, "lies in none of the planes to draw without --transform or --result");
+  write_T_us_ct(Eigen::Isometry3d(Eigen::Translation3d(0, 370, 500)), path("wrong.tfm"));
+  const Outcome wrong = slices({"--transform", path("wrong.tfm")});
+  EXPECT_EQ(wrong.exit_status, 2);
+  expect_part(wrong, "lies in none of the planes to draw by '" + path("wrong.tfm") + "'");
+  EXPECT_FALSE(std::filesystem::exists(path("s.png")));
+  write_T_us_ct(Eigen::Isometry3d(Eigen::Translation3d(0, 370, -500)), path("right.tfm"));
+  EXPECT_EQ(slices({"--transform", path("right.tfm")}).errors, "");
+}
+
 }  // namespace
 }  // namespace usct::test
