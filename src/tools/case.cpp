@@ -11,6 +11,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/fiducial_standard.h"
 #include "us_ct_registration/evaluation/study_case.h"
+#include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/geometry/target_errors.h"
 #include "us_ct_registration/io/results/points_io.h"
 #include "us_ct_registration/io/results/transform_io.h"
@@ -52,8 +53,8 @@ PreScanVolume read_beams(const CaseCommand& command) {
 std::pair<Points, Points> read_landmarks(const CaseCommand& command, const StudyCase& made) {
   std::pair<Points, Points> points{read_points_mm(command.landmarks[0]),
                                    read_points_mm(command.landmarks[1])};
-  require_in_ct(points.first, made.ct, command.landmarks[0]);
-  require_in_ultrasound(points.second, made.ultrasound, command.landmarks[1]);
+  require_in_images({command.landmarks[0], points.first}, {command.landmarks[1], points.second},
+                    made.ct, beam_grid(made.ultrasound.geometry));
   return points;
 }
 
@@ -91,7 +92,8 @@ bool set_targets(const CaseCommand& command, StudyCase& made) {
   require_same_count(command.targets_ct, made.targets_ct_mm.size(), command.targets,
                      made.targets_us_mm.size());
   // A kidney may reach beyond either image; its middle may not.
-  require_in_ultrasound({made.centre_us_mm()}, made.ultrasound, command.targets + ", centroid");
+  require_in_ultrasound({made.centre_us_mm()}, beam_grid(made.ultrasound.geometry),
+                        command.targets + ", centroid");
   require_in_ct({made.centre_ct_mm()}, made.ct, command.targets + ", centroid by the truth");
   return in_ct;
 }

@@ -117,9 +117,12 @@ void add_standard(CLI::App& gold, Run& run, const std::string& name, const std::
                   int (*work)(const GoldCommand&)) {
   auto options = std::make_shared<GoldCommand>();
   CLI::App* command = gold.add_subcommand(name, description);
-  command->add_option("US", options->us, "CSV with the header x,y,z: points in the US frame, mm")
+  command
+      ->add_option("US", options->us,
+                   "the first file, CSV with the header x,y,z: points in the US frame, mm")
       ->required();
-  command->add_option("CT", options->ct, "the same in the CT's frame, LPS, mm")->required();
+  command->add_option("CT", options->ct, "the second file, the same in the CT's frame, LPS, mm")
+      ->required();
   if (name == "fiducials") {
     command->add_option("--targets", options->targets,
                         "CSV of points in the US frame at which to predict the error, mm");

@@ -119,10 +119,13 @@ void add_gold_icp(CLI::App& gold, Run& run) {
       "Bronze standard from surfaces of which one image may show a part only (iterative closest "
       "points), from an initial pose or from the 24 alignments of the principal axes.");
   command
-      ->add_option("US", options->us,
-                   "CSV with the header x,y,z: points of the surface in the US frame, mm")
+      ->add_option(
+          "US", options->us,
+          "the first file, CSV with the header x,y,z: points of the surface in the US frame, "
+          "mm")
       ->required();
-  command->add_option("CT", options->ct, "the same in the CT's frame, LPS, mm")->required();
+  command->add_option("CT", options->ct, "the second file, the same in the CT's frame, LPS, mm")
+      ->required();
   command->add_option("--initial", options->initial,
                       "ITK transform from US to CT points to start from (.tfm, .txt, .h5)");
   command

@@ -2,10 +2,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <numeric>
+#include <optional>
 
 #include "inputs.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/fiducial_matching.h"
+#include "us_ct_registration/evaluation/study_case.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/registration/landmarks.h"
 
@@ -59,6 +62,27 @@ void warn_of_metres(const LandmarkFile& file) {
                               file.path.c_str(), extent_mm)});
 }
 
+/// The mean of the points, alone.
+Points middle(const Points& points_mm) {
+  const Eigen::Vector3d sum =
+      std::accumulate(points_mm.begin(), points_mm.end(), Eigen::Vector3d(0, 0, 0));
+  return Points(1, sum / static_cast<double>(points_mm.size()));
+}
+
+/// The error of a landmark that does not lie in its image, if there is one.
+std::optional<InputError> misplaced(const LandmarkFile& ct, const LandmarkFile& us,
+                                    const CtVolume& ct_image, const BeamGrid& beams) {
+  try {
+    require_in_ct(ct.points_mm, ct_image, ct.path);
+    require_in_ultrasound(us.points_mm, beams, us.path);
+  } catch (const InputError& error) {
+    return InputError(error.source(), error.violation() +
+                                          "; of the two files of --landmarks, the first must be "
+                                          "of the CT, the second of the ultrasound");
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fre_mm) {
@@ -73,6 +97,23 @@ void warn_of_landmarks(const LandmarkFile& ct, const LandmarkFile& us, double fr
                             us.path.c_str(), fre_mm) +
                   (order.empty() ? "" : order + ": ") +
                   "check that both files have the same points, in mm, in the same order"});
+}
+
+void require_in_images(const LandmarkFile& ct, const LandmarkFile& us, const CtVolume& ct_image,
+                       const BeamGrid& beams) {
+  if (const auto error = misplaced(ct, us, ct_image, beams)) throw *error;
+}
+
+void warn_of_places(const LandmarkFile& ct, const LandmarkFile& us, const CtVolume& ct_image,
+                    const BeamGrid& beams) {
+  const std::optional<InputError> error = misplaced(ct, us, ct_image, beams);
+  if (!error) return;
+  const Points middle_ct_mm = middle(ct.points_mm);
+  const Points middle_us_mm = middle(us.points_mm);
+  if (misplaced({ct.path, middle_ct_mm}, {us.path, middle_us_mm}, ct_image, beams) &&
+      !misplaced({ct.path, middle_us_mm}, {us.path, middle_ct_mm}, ct_image, beams))
+    throw *error;
+  print_warnings({error->what()});
 }
 
 void warn_of_targets(const LandmarkFile& us, const BeamGrid& beams) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "us_ct_registration/geometry/beam_grid.h"
 #include "us_ct_registration/ultrasound/prescan_volume.h"
 #include "us_ct_registration/volume/volume.h"
 
@@ -57,8 +58,8 @@ void require_in_ct(const std::vector<Eigen::Vector3d>& points_ct_mm, const CtVol
 
 /// The same of points in the US frame, mm, outside the box along its axes that holds all samples:
 /// less exact than the field of view, but other axes or units are found out.
-void require_in_ultrasound(const std::vector<Eigen::Vector3d>& points_us_mm,
-                           const PreScanVolume& ultrasound, const std::string& source);
+void require_in_ultrasound(const std::vector<Eigen::Vector3d>& points_us_mm, const BeamGrid& beams,
+                           const std::string& source);
 
 /// Reads what a study needs of a stranger: the CT, and the targets in it from `targets_ct.csv` or,
 /// without that file, from `truth.tfm` and `targets.csv`. Throws InputError, naming the file, if

@@ -137,10 +137,12 @@ std::vector<Pair> pairs_of(const Points& us_mm, const Isometry3d& T_ct_us, const
     pairs.resize(kept);
   }
   if (pairs.size() < kLeastSurfacePoints)
-    throw InputError("surfaces",
-                     formatted("%zu points of the ultrasound are within %g mm of the CT's surface, "
-                               "must be at least %zu: the surfaces do not overlap",
-                               pairs.size(), options.largest_distance_mm, kLeastSurfacePoints));
+    throw InputError(
+        "surfaces",
+        formatted("%zu points of the ultrasound are within %g mm of the CT's surface, "
+                  "must be at least %zu: the surfaces do not overlap (the start may be far off or "
+                  "inverted, or the files of ultrasound and CT exchanged)",
+                  pairs.size(), options.largest_distance_mm, kLeastSurfacePoints));
   return pairs;
 }
 

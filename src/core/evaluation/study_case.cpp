@@ -96,9 +96,9 @@ void require_in_ct(const std::vector<Vector3d>& points_ct_mm, const CtVolume& ct
   require_all(points_ct_mm, contains, box, "the CT (LPS: x to the left, y to the back)", source);
 }
 
-void require_in_ultrasound(const std::vector<Vector3d>& points_us_mm,
-                           const PreScanVolume& ultrasound, const std::string& source) {
-  const Box box = beam_grid(ultrasound.geometry).bounding_box();
+void require_in_ultrasound(const std::vector<Vector3d>& points_us_mm, const BeamGrid& beams,
+                           const std::string& source) {
+  const Box box = beams.bounding_box();
   const auto contains = [&](const Vector3d& p_mm) { return box.contains(p_mm); };
   require_all(points_us_mm, contains, box, "the ultrasound", source);
 }

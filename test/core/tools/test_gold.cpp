@@ -202,5 +202,13 @@ TEST_F(Gold, BadInputIsRefusedAndNothingWritten) {
   EXPECT_FALSE(std::filesystem::exists(path("no.tfm")));
 }
 
+TEST_F(Gold, TheOrderOfTheFilesIsSaid) {
+  for (const char* standard : {"fiducials", "surfaces", "icp"}) {
+    const std::string help = run_usct({"gold", standard, "--help"}).output;
+    EXPECT_NE(help.find("the first file"), std::string::npos) << help;
+    EXPECT_NE(help.find("the second file"), std::string::npos) << help;
+  }
+}
+
 }  // namespace
 }  // namespace usct::test

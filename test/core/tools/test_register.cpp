@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -216,6 +217,43 @@ TEST_F(Register, LandmarksGiveTheInitialPose) {
   write_points_mm(points_us, path("us.csv"));
   std::filesystem::remove(path("result.json"));
   expect_refused({"--landmarks", path("ct.csv"), path("us.csv")}, "us.csv: has 3 points");
+}
+
+TEST_F(Register, ExchangedFilesOfLandmarksAreRefused) {
+  std::vector<Vector3d> points_ct;
+  std::vector<Vector3d> points_us;
+  for (const Vector3d& p_us : read_points_mm(case_file("targets.csv"))) {
+    if (std::hypot(p_us.x(), p_us.z()) > 15.0) continue;
+    points_us.push_back(p_us);
+    points_ct.push_back(T_true_.inverse() * p_us);
+  }
+  write_points_mm(points_ct, path("ct.csv"));
+  write_points_mm(points_us, path("us.csv"));
+  expect_refused({"--landmarks", path("us.csv"), path("ct.csv")}, "us.csv: point 1 is (");
+  expect_refused({"--landmarks", path("us.csv"), path("ct.csv")},
+                 "of the two files of --landmarks, the first must be of the CT");
+
+  points_ct.emplace_back(0.0, 0.0, 500.0);  // beside the CT, which may be a part of a larger one
+  points_us.push_back(T_true_ * points_ct.back());
+  write_points_mm(points_ct, path("ct.csv"));
+  write_points_mm(points_us, path("us.csv"));
+  expect_refused({"--landmarks", path("us.csv"), path("ct.csv")}, "the first must be of the CT");
+  const Outcome beside =
+      run({"--landmarks", path("ct.csv"), path("us.csv"), "--options", options()});
+  EXPECT_EQ(beside.exit_status, 0) << beside.errors;
+  EXPECT_NE(beside.errors.find("usct: warning: " + path("ct.csv") + ": point "), std::string::npos)
+      << beside.errors;
+}
+
+/// An inverted transform, say.
+TEST_F(Register, ACtThatIsFarAwayIsRefusedWithWhatToCheck) {
+  write_T_us_ct(Eigen::Isometry3d(Eigen::Translation3d(0, 2000, 0)), path("far.tfm"));
+  const Outcome outcome = run({"--initial", path("far.tfm"), "--options", options()});
+  EXPECT_EQ(outcome.exit_status, 3);
+  EXPECT_NE(outcome.errors.find("nowhere near the ultrasound at the initial pose: check that pose, "
+                                "its direction (it may be inverted), and that no files"),
+            std::string::npos)
+      << outcome.errors;
 }
 
 /// With nothing left to search, the found pose is the initial pose itself.

@@ -22,7 +22,9 @@ constexpr int kLeastVoxels = 4;
 
 /// Why a part of the CT of this size does not suffice.
 std::string words_for_little_ct(const Eigen::Vector3i& size) {
-  if (size.minCoeff() <= 0) return "the CT lies nowhere near the ultrasound at the initial pose";
+  if (size.minCoeff() <= 0)
+    return "the CT lies nowhere near the ultrasound at the initial pose: check that pose, its "
+           "direction (it may be inverted), and that no files of CT and ultrasound are exchanged";
   return "of the CT, only " + std::to_string(size.x()) + " x " + std::to_string(size.y()) + " x " +
          std::to_string(size.z()) +
          " voxels lie in reach of the ultrasound at the initial pose, must be >= " +
