@@ -7,6 +7,7 @@
 
 #include "exit_status.h"
 #include "gold_commands.h"
+#include "option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/fiducial_matching.h"
 #include "us_ct_registration/evaluation/fiducial_standard.h"
@@ -56,6 +57,7 @@ PairedFiducials paired_fiducials(const GoldCommand& command) {
 }
 
 int run_fiducials(const GoldCommand& command) {
+  if (!command.output.empty()) require_transform_place("--output", command.output);
   const PairedFiducials paired = paired_fiducials(command);
   const FiducialStandard standard =
       fiducial_standard(paired.us_mm, paired.ct_mm, command.us, command.ct);
@@ -88,6 +90,7 @@ int run_fiducials(const GoldCommand& command) {
 
 int run_surfaces_standard(const GoldCommand& command) {
   constexpr double kLeastRatio = 1.05;
+  if (!command.output.empty()) require_transform_place("--output", command.output);
   const SurfaceStandard standard = surface_standard(
       read_points_mm(command.us), read_points_mm(command.ct), command.us, command.ct);
   std::printf("alignment | distance of the surfaces mm | turned from the best\n");

@@ -51,6 +51,7 @@ int run_gold_balls(const GoldBallsCommand& command) {
   if (command.ct.empty() == command.us.empty())
     throw InputError("gold balls",
                      command.ct.empty() ? "needs a CT or --us" : "takes a CT or --us, not both");
+  if (!command.output.empty()) require_place_ending("--output", command.output, ".csv");
   BallDetection found = detected(command);
   for (const RefusedBall& one : found.refused)
     std::fprintf(stderr, "usct: warning: the object at (%.2f, %.2f, %.2f) mm %s: left out\n",
@@ -108,7 +109,7 @@ void add_gold_balls(CLI::App& gold, Run& run) {
                    "ultrasound: where the surroundings of an echo begin, mm")
       ->needs(us)
       ->capture_default_str();
-  command->add_option("--output", options->output, "CSV to write, with the header x,y,z, mm");
+  command->add_option("--output", options->output, "CSV to write, .csv, with the header x,y,z, mm");
   all_need(ct, *add_dicom_options(*command, options->dicom));
   all_need(us, *options->ultrasound.add_to(*command));
   command->callback([options, &run] { run = [options] { return run_gold_balls(*options); }; });

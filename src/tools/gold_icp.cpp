@@ -9,6 +9,7 @@
 
 #include "exit_status.h"
 #include "gold_commands.h"
+#include "option_checks.h"
 #include "us_ct_registration/baselines/icp.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/evaluation/surface_standard.h"
@@ -88,6 +89,7 @@ void warn_of_motion(const IcpResult& best) {
 }
 
 int run_gold_icp(const GoldIcpCommand& command) {
+  if (!command.output.empty()) require_transform_place("--output", command.output);
   const Points us = read_points_mm(command.us);
   const Points ct = read_points_mm(command.ct);
   const std::vector<IcpResult> results = results_of(command, us, ct);

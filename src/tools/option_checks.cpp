@@ -7,6 +7,7 @@
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/atomic_file.h"
+#include "us_ct_registration/io/results/transform_io.h"
 
 namespace usct::tools {
 
@@ -67,6 +68,19 @@ void require_place(const std::string& option, const std::filesystem::path& path)
   if (std::filesystem::is_directory(path))
     throw InputError(option, "is '" + path.string() + "', which is a folder, must be a file");
   require_writable(path);
+}
+
+void require_transform_place(const std::string& option, const std::filesystem::path& path) {
+  require_place(option, path);
+  if (!has_transform_extension(path))
+    throw InputError(option, "is '" + path.string() + "', must end in .tfm, .txt, .h5 or .hdf5");
+}
+
+void require_place_ending(const std::string& option, const std::filesystem::path& path,
+                          const std::string& extension) {
+  require_place(option, path);
+  if (path.extension() != extension)
+    throw InputError(option, "is '" + path.string() + "', must end in " + extension);
 }
 
 }  // namespace usct::tools

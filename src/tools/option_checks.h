@@ -52,4 +52,12 @@ void require_rising(const std::string& option, const std::vector<double>& values
 /// InputError that names the option or the path.
 void require_place(const std::string& option, const std::filesystem::path& path);
 
+/// The same of a transform, whose extension must be one of those that are written.
+void require_transform_place(const std::string& option, const std::filesystem::path& path);
+
+/// The same of a file that must end in `extension`: another ending is that of another kind of file,
+/// which must not be lost by a slip.
+void require_place_ending(const std::string& option, const std::filesystem::path& path,
+                          const std::string& extension);
+
 }  // namespace usct::tools

@@ -95,10 +95,7 @@ void require_initial_pose(const RegisterCommand& command) {
 }
 
 void require_places(const RegisterCommand& command) {
-  require_place("--output", command.output);
-  // Another ending is that of an image or a transform, which must not be lost by a slip.
-  if (std::filesystem::path(command.output).extension() != ".json")
-    throw InputError("--output", "is '" + command.output + "', must end in .json");
+  require_place_ending("--output", command.output, ".json");
   if (!command.pictures.empty()) {
     std::error_code error;
     std::filesystem::create_directory(command.pictures, error);
@@ -106,11 +103,7 @@ void require_places(const RegisterCommand& command) {
       throw InputError("--pictures",
                        "'" + command.pictures + "' cannot be made: " + error.message());
   }
-  if (command.transform.empty()) return;
-  require_place("--transform", command.transform);
-  if (!has_transform_extension(command.transform))
-    throw InputError("--transform",
-                     "is '" + command.transform + "', must end in .tfm, .txt, .h5 or .hdf5");
+  if (!command.transform.empty()) require_transform_place("--transform", command.transform);
 }
 
 /// Reads the CT beside the ultrasound, if there is a second thread.

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <random>
 
 #include "core/baselines/surfaces.h"
@@ -200,6 +201,28 @@ TEST_F(Gold, BadInputIsRefusedAndNothingWritten) {
   named({"gold", "balls", path("ct.nrrd")}, path("ct.nrrd") + ": no ball of 1 mm was found");
   EXPECT_EQ(run_usct({"gold"}).exit_status, 2);
   EXPECT_FALSE(std::filesystem::exists(path("no.tfm")));
+}
+
+/// Before the work, and before a table is printed that suggests success.
+TEST_F(Gold, AnOutputThatCannotBeWrittenIsRefusedFirst) {
+  const std::string us = points("us.csv", {{0, 0, 0}, {40, 0, 0}, {0, 30, 0}, {20, 15, 50}});
+  std::ofstream(path("labels.nrrd")) << "precious";
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& output,
+                           const std::string& named) {
+    arguments.insert(arguments.begin(), "gold");
+    arguments.insert(arguments.end(), {"--output", path(output)});
+    const Outcome outcome = run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2);
+    EXPECT_EQ(outcome.output, "") << arguments[1];
+    EXPECT_NE(outcome.errors.find(named), std::string::npos) << outcome.errors;
+    EXPECT_EQ(outcome.errors.find("warning"), std::string::npos) << outcome.errors;
+  };
+  for (const char* standard : {"fiducials", "surfaces", "icp"}) {
+    refused({standard, us, us}, "labels.nrrd", "must end in .tfm, .txt, .h5 or .hdf5");
+    refused({standard, us, us}, "absent/gold.tfm", "--output: is '");
+  }
+  refused({"balls", "absent.nrrd"}, "labels.nrrd", "must end in .csv");
+  EXPECT_EQ(read_text(path("labels.nrrd")), "precious");
 }
 
 TEST_F(Gold, TheOrderOfTheFilesIsSaid) {
