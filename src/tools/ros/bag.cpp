@@ -92,6 +92,7 @@ int run_write(BagWriteCommand command) {
     throw InputError("--start", "is " + formatted("%.10g", command.start_s) +
                                     ", must be from 0 to " + formatted("%.10g", kLatestS) +
                                     " s since 1970");
+  require_place_ending("--output", command.output, ".bag");
   command.bag.poses_in_tf = command.poses == "tf";
   command.bag.start = command.start_s == 0.0 ? ::ros::Time(::ros::WallTime::now().toSec())
                                              : ::ros::Time(command.start_s);
@@ -133,8 +134,11 @@ void write_sweep(const msg::PreScanVolume& message, const BagReadCommand& comman
 int run_read(const BagReadCommand& command) {
   if (command.us.empty() && command.ct.empty())
     throw InputError("bag read", "neither --us nor --ct is given: nothing to take out");
-  if (!command.us.empty() && std::filesystem::path(command.us).extension() != ".nrrd")
-    throw InputError("--us", "is '" + command.us + "', must end in .nrrd");
+  if (!command.us.empty()) require_place_ending("--us", command.us, ".nrrd");
+  if (!command.ct.empty() && !has_volume_extension(command.ct))
+    throw InputError("--ct",
+                     "is '" + command.ct + "', must end in .nrrd, .mha, .mhd, .nii or .nii.gz");
+  if (!command.ct.empty()) require_place("--ct", command.ct);
   int volumes = 0;
   int cts = 0;
   BagVisitor visitor;
@@ -226,7 +230,7 @@ void add_write(CLI::App& bag, Run& run) {
                   "ultrasound before scan conversion of any kind that 'usct info' knows; several "
                   "become several sweeps")
       ->required();
-  sub->add_option("--output", command->output, "bag to write")->required();
+  sub->add_option("--output", command->output, "bag to write, .bag")->required();
   sub->add_option("--fixed-pose", command->fixed_pose,
                   "where the ultrasound was: ITK transform from US points to points of the fixed "
                   "frame, mm; one for all --us, or one each; without it the bag has no tf of the "

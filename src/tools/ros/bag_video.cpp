@@ -10,6 +10,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "tools/exit_status.h"
+#include "tools/option_checks.h"
 #include "us_ct_registration/error.h"
 #include "us_ct_registration/io/atomic_file.h"
 #include "us_ct_registration/rendering/picture.h"
@@ -70,7 +71,6 @@ cv::Mat pixels_of(const sensor_msgs::ImageConstPtr& image, const char* encoding)
 
 /// Motion JPEG, by OpenCV's own writer, which needs no codec.
 void write_video(const ImagesOfBag& images, const fs::path& path) {
-  if (path.extension() != ".avi") throw InputError(path.string(), "must end in .avi");
   write_atomically(path, [&](const fs::path& temporary) {
     cv::VideoWriter writer;
     cv::Size size;
@@ -110,9 +110,8 @@ void write_picture(const ImagesOfBag& images, const fs::path& path) {
 }
 
 int run_video(const BagVideoCommand& command) {
-  // Before the video is written.
-  if (!command.picture.empty() && fs::path(command.picture).extension() != ".png")
-    throw InputError("--picture", "is '" + command.picture + "', must end in .png");
+  require_place_ending("--output", command.video, ".avi");
+  if (!command.picture.empty()) require_place_ending("--picture", command.picture, ".png");
   const ImagesOfBag images(command);
   write_video(images, command.video);
   if (!command.picture.empty()) write_picture(images, command.picture);

@@ -200,5 +200,34 @@ TEST(BagTool, WritesListsAndReadsBackWhatItWasGiven) {
               testing::HasSubstr("number of sweeps is 2, --index is 2, must be less"));
 }
 
+/// Another ending is that of another kind of file, which must not be lost by a slip.
+TEST(BagTool, OutputsOfAnotherKindOfFileAreRefused) {
+  const TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  write_prescan_nrrd(motorised(), path("us.nrrd"));
+  std::ofstream(path("labels.nii")) << "precious";
+  std::ofstream(path("labels.txt")) << "precious";
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& named) {
+    arguments.insert(arguments.begin(), "bag");
+    const test::Outcome outcome = test::run_usct(arguments);
+    EXPECT_EQ(outcome.exit_status, 2);
+    EXPECT_THAT(outcome.errors, testing::HasSubstr(named));
+    for (const char* kept : {"labels.nii", "labels.txt"})
+      EXPECT_EQ(test::read_text(path(kept)), "precious");
+  };
+  const std::vector<std::string> write = {"write", "--us", path("us.nrrd"), "--output"};
+  const auto with = [](std::vector<std::string> arguments, const std::vector<std::string>& more) {
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  refused(with(write, {path("labels.nii")}), "must end in .bag");
+  refused(with(write, {path("a.bag"), "--frame-rate", "0"}), "'frame_rate_hz' (--frame-rate) is 0");
+  ASSERT_EQ(test::run_usct(with({"bag"}, with(write, {path("a.bag")}))).exit_status, 0);
+  refused({"read", path("a.bag"), "--us", path("labels.nii")}, "--us: is '");
+  refused({"read", path("a.bag"), "--ct", path("labels.txt")}, "--ct: is '");
+  refused({"video", path("a.bag"), "--topic", "/a", "--output", path("labels.nii")},
+          "must end in .avi");
+}
+
 }  // namespace
 }  // namespace usct::ros_interface
