@@ -1,8 +1,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "commands.h"
 #include "exit_status.h"
+#include "us_ct_registration/error.h"
 #include "us_ct_registration/formatted.h"
 #include "us_ct_registration/io/formats.h"
 
@@ -23,6 +25,20 @@ Json description_of(const std::filesystem::path& path) {
   json["kind"] = format.name;
   json.update(Json::parse(format.describe(path)));
   return json;
+}
+
+/// Nothing, and an error on standard error, for a file that cannot be read: the other files of the
+/// command line are described all the same.
+std::optional<Json> description_or_error(const std::string& path) {
+  try {
+    return description_of(path);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "usct: error: %s\n", error.what());
+  } catch (const std::filesystem::filesystem_error& error) {  // such as a folder nobody may read
+    std::fprintf(stderr, "usct: error: %s: %s\n", error.path1().c_str(),
+                 error.code().message().c_str());
+  }
+  return std::nullopt;
 }
 
 /// A value for people, with six digits; --json prints all digits.
@@ -62,18 +78,22 @@ void print(const Json& object, int indent) {
 
 int run_info(const InfoOptions& options) {
   auto all = Json::array();
+  int status = kDone;
   for (const std::string& path : options.paths) {
-    const Json description = description_of(path);
-    if (options.json)
-      all.push_back(description);
+    const std::optional<Json> description = description_or_error(path);
+    if (!description)
+      status = kBadInput;
+    else if (options.json)
+      all.push_back(*description);
     else
-      print(description, 0);
+      print(*description, 0);
   }
-  if (options.json)
-    std::printf("%s\n", (all.size() == 1 ? all.front() : all)
-                            .dump(2, ' ', false, Json::error_handler_t::replace)
-                            .c_str());
-  return kDone;
+  const bool is_one = options.paths.size() == 1;
+  if (options.json && !(is_one && all.empty()))
+    std::printf(
+        "%s\n",
+        (is_one ? all.front() : all).dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+  return status;
 }
 
 }  // namespace

@@ -162,5 +162,19 @@ TEST_F(OptionErrors, SlicesWithoutTheCtAreRefusedOrWarnedOf) {
   EXPECT_EQ(slices({"--transform", path("right.tfm")}).errors, "");
 }
 
+TEST_F(OptionErrors, InfoGoesOnAfterAFileThatItCannotRead) {
+  write_ct({0, 0, 0});
+  std::ofstream(path("phantom.json")) << R"({"version": "1", "scene": "agar", "truth": {}})";
+  const Outcome outcome =
+      run_usct({"info", path("phantom.json"), path("absent.nrrd"), path("ct.nrrd")});
+  EXPECT_EQ(outcome.exit_status, 2);
+  expect_part(outcome, path("phantom.json") + ": is no result of a registration: key 'status'");
+  expect_part(outcome, path("absent.nrrd") + ": does not exist");
+  EXPECT_NE(outcome.output.find("ct.nrrd"), std::string::npos) << outcome.output;
+  const Outcome json = run_usct({"info", "--json", path("phantom.json"), path("ct.nrrd")});
+  EXPECT_EQ(json.exit_status, 2);
+  EXPECT_EQ(json.output.front(), '[') << "several files are a list, however many can be read";
+}
+
 }  // namespace
 }  // namespace usct::test

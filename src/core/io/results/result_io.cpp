@@ -70,6 +70,8 @@ Json read_json(const std::filesystem::path& path) {
 RegistrationResult read_result(const std::filesystem::path& path) {
   const std::string source = path.string();
   const Json json = read_json(path);
+  if (json.is_object() && !json.contains("status"))
+    throw InputError(source, "is no result of a registration: key 'status' is missing");
   const Members members(json, source,
                         {"status", "message", "T_us_ct", "similarity", "overlap", "covariance",
                          "candidates", "measures", "evaluations", "seconds", "options", "version"});
