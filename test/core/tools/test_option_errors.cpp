@@ -176,5 +176,15 @@ TEST_F(OptionErrors, InfoGoesOnAfterAFileThatItCannotRead) {
   EXPECT_EQ(json.output.front(), '[') << "several files are a list, however many can be read";
 }
 
+TEST_F(OptionErrors, ACtInPlaceOfUltrasoundIsRecognisedByItsValues) {
+  write_ct({0, 70, 0});
+  expect_error({"slices", "--us", path("ct.nrrd"), "--ct", path("ct.nrrd"), "--output",
+                path("s.png"), "--quiet"},
+               path("ct.nrrd") +
+                   ": voxel values range from -1024 to 100, must lie from 0 to 255 "
+                   "(uint8 is asked for); they look like the HU of a CT: are two "
+                   "files exchanged?\n");
+}
+
 }  // namespace
 }  // namespace usct::test

@@ -162,11 +162,18 @@ Component component_of() {
   if constexpr (std::is_same_v<T, float>) return Component::kFloat32;
 }
 
+/// Where ultrasound or labels are asked for, a CT is the likely mistake: only CTs have air.
+std::string words_for_ct(const ValueRange& range) {
+  constexpr double kAirHu = -900.0;
+  return range.least <= kAirHu ? "; they look like the HU of a CT: are two files exchanged?" : "";
+}
+
 template <typename T>
 void check_values(const fs::path& path, const ValueRange& range) {
   const auto refuse = [&](const std::string& violation) {
     throw InputError(path.string(), "voxel values " + violation + " (" +
-                                        io::name_of(component_of<T>()) + " is asked for)");
+                                        io::name_of(component_of<T>()) + " is asked for)" +
+                                        (std::is_unsigned_v<T> ? words_for_ct(range) : ""));
   };
   const std::string found = "from " + io::format(range.least) + " to " + io::format(range.greatest);
   constexpr double kLowest = std::numeric_limits<T>::lowest();
