@@ -3,6 +3,7 @@
 #include <tf2/exceptions.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <fstream>
 #include <set>
 
 #include "ros/bags/acquisition_bag.h"
@@ -153,17 +154,25 @@ class BagReader {
 
 }  // namespace
 
+std::string words_for_bad_bag(const std::filesystem::path& path, const std::string& error) {
+  std::error_code ignored;  // is_regular_file is then false
+  if (!std::filesystem::exists(path, ignored)) return "does not exist";
+  if (!std::filesystem::is_regular_file(path, ignored)) return "is no file, must be a bag";
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return "cannot be opened";
+  std::string begin(7, '\0');
+  file.read(begin.data(), 7);
+  if (begin != "#ROSBAG") return "is no bag: it does not begin with '#ROSBAG'";
+  return error + "; a bag whose recording was broken off is repaired by 'rosbag reindex'";
+}
+
 void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& visitor) {
   try {
     const BagReader reader(path);
     if (visitor.us) reader.visit_ultrasound(visitor);
     if (visitor.ct) reader.visit_ct(visitor);
   } catch (const rosbag::BagException& error) {
-    const bool is_there = std::filesystem::is_regular_file(path);
-    throw InputError(path.string(),
-                     error.what() + std::string(is_there ? "; a bag whose recording was broken off "
-                                                           "is repaired by 'rosbag reindex'"
-                                                         : ""));
+    throw InputError(path.string(), words_for_bad_bag(path, error.what()));
   }
 }
 

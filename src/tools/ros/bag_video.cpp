@@ -9,6 +9,7 @@
 #include <memory>
 #include <opencv2/videoio.hpp>
 
+#include "ros/bags/acquisition_bag.h"
 #include "tools/exit_status.h"
 #include "tools/option_checks.h"
 #include "us_ct_registration/error.h"
@@ -50,7 +51,7 @@ class ImagesOfBag {
     for (const rosbag::MessageInstance& message : rosbag::View(bag, rosbag::TopicQuery(topic_)))
       if (const auto image = message.instantiate<sensor_msgs::Image>()) take(image);
   } catch (const rosbag::BagException& error) {
-    throw InputError(file_, error.what());
+    throw InputError(file_, ros_interface::words_for_bad_bag(file_, error.what()));
   }
 
  private:

@@ -175,8 +175,19 @@ TEST(AcquisitionBag, AFullDiskIsToldAndLeavesNoPartOfABag) {
 TEST(AcquisitionBag, WhatIsNoBagIsRefused) {
   const TemporaryFolder folder;
   std::ofstream(folder.path() / "no.bag") << "no bag at all";
-  EXPECT_THROW(read_back(folder.path() / "no.bag"), InputError);
-  EXPECT_THROW(read_back(folder.path() / "absent.bag"), InputError);
+  const auto refusal_of = [&](const char* name) -> std::string {
+    try {
+      read_back(folder.path() / name);
+    } catch (const InputError& error) {
+      return error.violation();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal_of("no.bag"), "is no bag: it does not begin with '#ROSBAG'");
+  EXPECT_EQ(refusal_of("absent.bag"), "does not exist");
+  EXPECT_EQ(refusal_of("."), "is no file, must be a bag");
+  std::ofstream(folder.path() / "broken.bag") << "#ROSBAG V2.0\n";
+  EXPECT_THAT(refusal_of("broken.bag"), testing::HasSubstr("rosbag reindex"));
 }
 
 TEST(BagTool, WritesListsAndReadsBackWhatItWasGiven) {
