@@ -38,7 +38,9 @@ YamlKeys::YamlKeys(const YAML::Node& map, std::string source, std::string path)
   if (!map.IsMap()) throw InputError(source_, what + "must be a list of 'key: value'");
   for (const auto& entry : map) {
     if (!entry.first.IsScalar())
-      throw InputError(source_, what + "has a key that is not a single value");
+      throw InputError(source_,
+                       what + "has the key " + in_quotes(YAML::Dump(entry.first)) +
+                           ", must be a single word, as in 'key: value', without braces around it");
     const std::string& key = entry.first.Scalar();
     if (!nodes_.emplace(key, entry.second).second)
       throw InputError(source_, "key " + in_quotes(path_of(key)) + " is given twice");

@@ -218,6 +218,12 @@ TEST(RegistrationOptionsIo, UnknownAndRepeatedKeysAreNamedWithTheirPath) {
   expect_refused(derived("search: {levels: {fine: {kept: 1}}}\n"), {"'search.levels'", "fine"});
 }
 
+/// As `{seed: 3}` is, below the preset that a request names.
+TEST(RegistrationOptionsIo, AKeyThatIsNoWordIsNamed) {
+  expect_refused("preset: patient\n{seed: 3}",
+                 {"has the key '{seed: 3}', must be a single word, as in 'key: value'"});
+}
+
 TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
   const auto level = [](const std::string& rest) {
     return "preset: patient\nsearch: {levels: {1: {" + rest + "}}}\n";
