@@ -5,15 +5,15 @@
 
 #include "us_ct_registration/registration/measures.h"
 
-/// What the evidence for a pose says together.
+/// The probability that a pose is right, by all evidence together.
 namespace usct {
 
 /// The most by which halves of the field move the pose, mm, by either of their similarities. Needs
 /// `parts_mm`.
 double halves_motion_mm(const Measures& measures);
 
-/// What the evidence says: for each of its three kinds, the probability that the pose is right as
-/// far as this kind can tell; and how probable it is that a right one is less than 5 mm off.
+/// The probability that the pose is right as far as each of the three kinds of evidence can tell,
+/// and the probability that a right one is less than 5 mm off.
 struct RightProbability {
   double mirrors = 0.0;  // it is better than the mirrored ultrasound
   double chance = 0.0;   // it is better than poses elsewhere, which chance reaches

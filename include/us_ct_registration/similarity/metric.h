@@ -33,7 +33,7 @@ struct SimilarityNeeds {
   bool has_derivatives = false;
 };
 
-/// What all metrics on patches need: the patches, which follow every acquisition error.
+/// All metrics on patches need the patches, which follow every acquisition error.
 inline SimilarityNeeds needs_of_patches() {
   SimilarityNeeds needs;
   needs.patches = true;

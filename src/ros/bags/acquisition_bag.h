@@ -85,7 +85,7 @@ struct BagVisitor {
 /// topics have messages of one type (`rosbag filter` can keep the intended one).
 void visit_acquisition_bag(const std::filesystem::path& path, const BagVisitor& visitor);
 
-/// What is wrong with a file of which rosbag says `error`.
+/// The reason why a file is no bag that can be read, of which rosbag says `error`.
 std::string words_for_bad_bag(const std::filesystem::path& path, const std::string& error);
 
 }  // namespace usct::ros_interface

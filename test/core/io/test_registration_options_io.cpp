@@ -255,12 +255,11 @@ TEST(RegistrationOptionsIo, WrongTypesAreNamedWithTheirPath) {
                  {"'refinement.depth_error' is unknown"});
   expect_refused("preset: thesis_b\nconfidence: {evidence: own}\n",
                  {"'search.levels[0].similarity' is simulated_lc2", "no evidence", "patient"});
-  for (const char* similarity : {"similarity", "ridge_similarity"})
-    for (const char* kind : {"ncc", "global_lc2", "joint_correlation_ratio", "simulated_lc2"})
-      expect_refused("preset: patient\nconfidence: {" + std::string(similarity) +
-                         ": {kind: " + kind + "}, parts: {optimizer: {method: bobyqa}}}\n",
-                     {"'confidence." + std::string(similarity) + "' is " + kind, "no evidence",
-                      "sum over patches"});
+  for (const std::string similarity : {"similarity", "ridge_similarity"})
+    expect_refused("preset: patient\nconfidence: {" + similarity +
+                       ": {kind: ncc, patches: {depth_mm: 9, lateral_mm: 9, elevation_mm: 9, "
+                       "least_share: 0.5, samples: all}}, parts: {optimizer: {method: bobyqa}}}\n",
+                   {"'confidence." + similarity + "' is ncc", "no evidence", "sum over patches"});
   expect_refused(level("screened: 3"), {"'search.levels[1].screened' is 3", "optimised"});
   for (const char* seed : {"-1", "4294967296", "0.5", "x"})
     expect_refused("preset: patient\nseed: " + std::string(seed) + "\n", {"'seed'", seed});

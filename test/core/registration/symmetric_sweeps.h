@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "core/geometry/random_geometry.h"
 #include "us_ct_registration/geometry/beam_grid.h"
 
@@ -26,6 +28,16 @@ inline BeamGrid straight_tracked(int samples, int lines, int frames, double step
     sweep.T_us_frame.emplace_back(Eigen::Translation3d(0.0, 0.0, z));
   geometry.motion = sweep;
   return beam_grid(geometry);
+}
+
+/// The greatest distance between the same samples of two sweeps, mm.
+inline double greatest_distance_mm(const BeamGrid& a, const BeamGrid& b) {
+  double most_mm = 0.0;
+  for (int f = 0; f < a.frames; ++f)
+    for (int l = 0; l < a.lines; ++l)
+      for (const int s : {0, a.samples() - 1})
+        most_mm = std::max(most_mm, (a.point(f, l, s) - b.point(f, l, s)).norm());
+  return most_mm;
 }
 
 inline Eigen::Vector3d middle_of_samples(const BeamGrid& beams) {

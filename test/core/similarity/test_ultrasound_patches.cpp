@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "core/registration/symmetric_sweeps.h"
 #include "core/similarity/patch_scenes.h"
 #include "core/ultrasound/turning_sweeps.h"
 #include "ultrasound/sweep_motion.h"
@@ -305,16 +306,6 @@ TEST(UltrasoundPatches, MoveWithErrorsOfAStraightSweepExactly) {
   EXPECT_LT(motion_error(beams, scaled, 0.1), 1e-6);
 }
 
-/// The greatest distance between samples of two sweeps, mm.
-double distance_mm(const BeamGrid& a, const BeamGrid& b) {
-  double most = 0.0;
-  for (int f = 0; f < a.frames; ++f)
-    for (int l = 0; l < a.lines; ++l)
-      for (const int s : {0, a.samples() - 1})
-        most = std::max(most, (a.point(f, l, s) - b.point(f, l, s)).norm());
-  return most;
-}
-
 /// A motor whose steps are `before` and `after` times as long as recorded on the two sides of the
 /// middle, as that of the scanner in the thesis (section 3.1.6).
 TEST(UltrasoundPatches, LieWhereAMotorThatIsSlowOnOneSideTookThem) {
@@ -324,8 +315,8 @@ TEST(UltrasoundPatches, LieWhereAMotorThatIsSlowOnOneSideTookThem) {
     for (double& angle : std::get<MotorSweep>(moved.motion).frame_angles_rad)
       angle *= angle < 0.0 ? before : after;
     const AcquisitionErrors errors{0.0, 0.5 * (after + before) - 1.0, 0.5 * (after - before)};
-    EXPECT_GT(distance_mm(beam_grid(recorded), beam_grid(moved)), 3.0);
-    EXPECT_LT(distance_mm(with_sweep(beam_grid(recorded), errors), beam_grid(moved)), 0.1);
+    EXPECT_GT(greatest_distance_mm(beam_grid(recorded), beam_grid(moved)), 3.0);
+    EXPECT_LT(greatest_distance_mm(with_sweep(beam_grid(recorded), errors), beam_grid(moved)), 0.1);
   }
 }
 
@@ -334,7 +325,7 @@ TEST(UltrasoundPatches, MoveWithAnUnevenStraightSweepExactly) {
   const BeamGrid moved = with_sweep(beams, {0.0, 0.02, 0.08});
   BeamGrid expected = beams;
   for (Beam& beam : expected.beams) beam.origin_mm.z() *= beam.origin_mm.z() < 0.0 ? 0.94 : 1.1;
-  EXPECT_LT(distance_mm(moved, expected), 1e-9);
+  EXPECT_LT(greatest_distance_mm(moved, expected), 1e-9);
   const UltrasoundPatches us = cut_into_patches(noisy_ultrasound(beams), cubes(10.0));
   const auto places = places_of(beams);
   for (std::size_t place = 0; place < us.value.size(); ++place) {
@@ -358,7 +349,8 @@ TEST(UltrasoundPatches, OfFewOrRestingFramesDoNotMove) {
     for (Beam& beam : resting.beams.beams) beam.origin_mm.z() = 0.0;
     const UltrasoundPatches us = cut_into_patches(resting, cubes(4.0));
     for (const float motion : us.sweep_z) EXPECT_EQ(motion, 0.0F);
-    EXPECT_LT(distance_mm(with_sweep(resting.beams, {0.0, 0.1, 0.1}), resting.beams), 1e-9);
+    EXPECT_LT(greatest_distance_mm(with_sweep(resting.beams, {0.0, 0.1, 0.1}), resting.beams),
+              1e-9);
   }
 }
 

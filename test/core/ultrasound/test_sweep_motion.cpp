@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "core/ultrasound/turning_sweeps.h"
 #include "ultrasound/sweep_motion.h"
 
@@ -33,15 +31,6 @@ BeamGrid rocking(double error) {
            Eigen::AngleAxisd(kStepRad * stretched(frame, error), Eigen::Vector3d::UnitX()) *
            to_axis.inverse();
   });
-}
-
-double greatest_distance_mm(const BeamGrid& a, const BeamGrid& b) {
-  double most_mm = 0.0;
-  for (int f = 0; f < a.frames; ++f)
-    for (int l = 0; l < a.lines; ++l)
-      for (const int s : {0, a.samples() - 1})
-        most_mm = std::max(most_mm, (a.point(f, l, s) - b.point(f, l, s)).norm());
-  return most_mm;
 }
 
 /// The middle of the field of view stays where it is in these sweeps, so that its path says nothing

@@ -11,8 +11,8 @@ using io::Json;
 
 namespace {
 
-/// What the ROS service set_initial_alignment takes for this pose, in YAML, of ultrasound whose
-/// frame in tf is `us`; m.
+/// The request to the ROS service set_initial_alignment for this pose of ultrasound whose frame in
+/// tf is `us`: YAML, m.
 std::string request_of(const Eigen::Isometry3d& T_us_ct) {
   constexpr double kMPerMm = 1e-3;
   const Eigen::Vector3d t_m = kMPerMm * T_us_ct.translation();

@@ -162,7 +162,7 @@ Component component_of() {
   if constexpr (std::is_same_v<T, float>) return Component::kFloat32;
 }
 
-/// Where ultrasound or labels are asked for, a CT is the likely mistake: only CTs have air.
+/// A CT is the likely mistake where ultrasound or labels are asked for: only CTs have air.
 std::string words_for_ct(const ValueRange& range) {
   constexpr double kAirHu = -900.0;
   return range.least <= kAirHu ? "; they look like the HU of a CT: are two files exchanged?" : "";
