@@ -56,8 +56,8 @@ TEST(MovingPlace, IsWhereFramesHaveTheirSpacing) {
   const BeamSpacing turning = mean_spacing_mm(turning_sweep(40, 61, 90, 0.035));
   EXPECT_NEAR(turning.line_mm, 1.0, 1e-9);
   EXPECT_NEAR(turning.frame_mm, 0.525, 0.02);
-  const BeamSpacing alone = mean_spacing_mm(straight_tracked(40, 1, 1, 1.5));
-  EXPECT_EQ(alone.line_mm, 0.0);
+  const BeamSpacing alone = mean_spacing_mm(straight_tracked(40, 31, 1, 1.5));
+  EXPECT_NEAR(alone.line_mm, 1.0, 1e-9);
   EXPECT_EQ(alone.frame_mm, 0.0);
 }
 
