@@ -70,7 +70,7 @@ std::string violated_whole_number(const std::string& text, double low, double hi
   return formatted("a whole number from %.0f to %.0f", low, high);
 }
 
-/// What the text of a value must be, in words, if it violates the option's type.
+/// Says what the text of a value must be if it violates the type of the option; else empty.
 std::string violated_type(const CLI::Option& option, const std::string& text) {
   using Int = std::numeric_limits<int>;
   using UInt = std::numeric_limits<unsigned>;

@@ -8,7 +8,7 @@
 /// a value must be, and prints the arguments that it does not know in reverse order.
 namespace usct::tools {
 
-/// What is wrong with the command line: names the option, its value and what it must be.
+/// The error of a command line: it names the option, its value and what that must be.
 std::string refusal_of(const CLI::App& app, const CLI::ParseError& error);
 
 /// The subcommand that the command line chooses; `app` if it chooses none.
